@@ -1,4 +1,10 @@
-"""Descriptions of blocks and options, from their own declarations: as text, Markdown and data."""
+"""Descriptions of blocks and options, from their own declarations: as text, Markdown and data.
+
+In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks.md or as
+plain data; nothing is written down twice::
+
+    param_row("dt", LQR.spec.params["dt"])    # name, what is expected, default, documentation
+"""
 
 from __future__ import annotations
 
@@ -40,14 +46,19 @@ def own_blocks(file: str) -> dict[str, type[Block]]:
 
 def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
     """The names of block types by what they are for: the rooms of the library, then others."""
-    found: dict[str, list[str]] = {}
+    families_by_room: dict[str, list[str]] = {}
     for name, cls in known.items():
         top, *rest = cls.__module__.split(".")
+        # The first sentence of a room's docstring is its title. A class exists, so its room is
+        # imported.
         room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
         about = _first_line(room.__doc__).rstrip(".") if room is not None else ""
         family = f"{rest[0]}: {about}" if about else top
-        found.setdefault("your own" if family.startswith("_") else family, []).append(name)
-    return found
+        # Modules of a user's files get hidden names (blocks.registry).
+        families_by_room.setdefault("your own" if family.startswith("_") else family, []).append(
+            name
+        )
+    return families_by_room
 
 
 def summary(cls: type[Block]) -> str:
@@ -63,8 +74,9 @@ def describe_text(cls: type[Block]) -> str:
     """The description of a block for a terminal."""
     lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
     for title, rows in _tables(cls):
-        used = [i for i in range(len(rows[0])) if any(row[i] for row in rows)]
-        lines += [title, table([[row[i] for i in used] for row in rows]), ""]
+        # Without columns that are empty throughout, as the defaults of ports are.
+        columns = [i for i in range(len(rows[0])) if any(row[i] for row in rows)]
+        lines += [title, table([[row[i] for i in columns] for row in rows]), ""]
     through = cls.spec.through
     if through:
         lines.append(f"bypass wires {through[0]} straight to {through[1]}")
@@ -140,16 +152,17 @@ def _output(name: str, port: Output) -> TableRow:
 
 def param_row(name: str, declared: Param) -> TableRow:
     """Name, what is expected, default and documentation of a parameter or option."""
-    default = "required" if declared.required else _shown(declared.default)
+    default = "required" if declared.required else _default_text(declared.default)
     return name, declared.describe(), default, declared.doc
 
 
 def _plain(value: Any) -> Any:
     value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
+    # JSON has no infinity; this is how a graph writes it.
     return ".inf" if isinstance(value, float) and math.isinf(value) else value
 
 
-def _shown(value: Any) -> str:
+def _default_text(value: Any) -> str:
     value = _plain(value)
     if value is None:
         return ""
@@ -160,6 +173,6 @@ def _shown(value: Any) -> str:
 
 def option_text(name: str, declared: Param) -> str:
     """An option in one line of Markdown."""
-    _, expected, default, doc = param_row(name, declared)
-    given = default if default in ("", "required") else f"default {default}"
-    return f"`{name}` ({', '.join(filter(None, (expected, given)))}): {doc}"
+    _, expectation, default, doc = param_row(name, declared)
+    default_text = default if default in ("", "required") else f"default {default}"
+    return f"`{name}` ({', '.join(filter(None, (expectation, default_text)))}): {doc}"

@@ -1,4 +1,11 @@
-"""Errors and problems, each with its location and a suggested fix; exit codes are the CLI's."""
+"""Errors and problems, each with its location and a suggested fix; exit codes are the CLI's.
+
+In: what a room finds wrong, with its position in the file and its address in the graph. Out: one
+exception with all of it, sorted::
+
+    problems.add(node.where, "blocks.lqr.q", "expected 3 numbers, got 2")
+    problems.raise_any()    # GraphError: line.yaml:14:7: blocks.lqr.q: expected 3 numbers, got 2
+"""
 
 from __future__ import annotations
 
@@ -11,7 +18,7 @@ from typing import Any
 
 @dataclass(frozen=True, order=True, slots=True)
 class Where:
-    """A position in a text: file, line and column, from 1; line 0 stands for the whole file."""
+    """A position in a file: line and column count from 1; line 0 stands for the whole file."""
 
     file: str = ""
     line: int = 0
@@ -27,6 +34,7 @@ ROOT = Path(__file__).resolve().parents[1]
 NOWHERE = Where()
 # Where something is written, and its address in the graph: 'blocks.lqr.q', or '' for the whole.
 Location = tuple[Where, str]
+# Nobody reads more, and a generated graph can have the same mistake a million times.
 MAX_PROBLEMS = 1_000
 
 
@@ -48,7 +56,7 @@ class Problem:
 
 
 def one_line(text: str) -> str:
-    """A text as one line: characters that cannot be printed are escaped."""
+    """A string as one line: characters that cannot be printed are escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -61,10 +69,13 @@ def raised_at(error: BaseException) -> str:
     from sysconfig import get_paths
     from traceback import extract_tb
 
+    # '<plan>' and '<string>' are generated text: no file that a user could open.
     frames = [f for f in extract_tb(error.__traceback__) if not f.filename.startswith("<")]
     ours = tuple(f"{ROOT / package}{os.sep}" for package in ("blocks", "runtime"))
     others = (*ours, *(f"{get_paths()[key]}{os.sep}" for key in ("stdlib", "purelib", "platlib")))
     own = [f for f in frames if not f.filename.startswith(others)]
+    # In this order: the user's own file, a package that it calls, this project (whose bug it then
+    # is).
     own = own or [f for f in frames if not f.filename.startswith(ours)] or frames
     if not own:
         return ""
@@ -80,10 +91,10 @@ class SpikeblocksError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Errors cross processes; BaseException would call the class with the message alone.
-        return _restored, (type(self), self.args, self.__dict__)
+        return _rebuild_error, (type(self), self.args, self.__dict__)
 
 
-def _restored(
+def _rebuild_error(
     cls: type[SpikeblocksError], args: tuple[Any, ...], attributes: dict[str, Any]
 ) -> SpikeblocksError:
     error = cls.__new__(cls, *args)
@@ -96,9 +107,11 @@ class UsageError(SpikeblocksError):
 
 
 class GraphError(SpikeblocksError):
-    """A graph that cannot run; ``problems`` lists everything wrong in the order of the text."""
+    """A graph that cannot run; ``problems`` lists everything wrong in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
+        # A part that is used ten times is checked ten times, and its mistake is one: equal problems
+        # are.
         self.problems = sorted(set(problems))
         super().__init__("\n".join(map(str, self.problems)))
 
@@ -143,10 +156,10 @@ class Problems:
     """
 
     items: list[Problem] = field(default_factory=list)
-    _silenced: set[Where | str] = field(default_factory=set)
+    _silent: set[Where | str] = field(default_factory=set)
 
     def add(self, where: Where, address: str, text: str, is_name: bool = False) -> None:
-        if where not in self._silenced and address not in self._silenced:
+        if where not in self._silent and address not in self._silent:
             self.items.append(Problem(where, address, text, is_name))
             if len(self.items) > MAX_PROBLEMS:
                 message = f"more than {MAX_PROBLEMS} problems; these are the first"
@@ -155,11 +168,13 @@ class Problems:
     def silence(self, where: Where, address: str) -> None:
         """Ignore further problems of the value here, and of lists that contain it."""
         if where.line:
-            self._silenced.add(where)
+            self._silent.add(where)
+        # If terms[2] is unknown, what is wrong with terms as a whole (their number) may be its
+        # fault.
         while address.endswith("]"):
-            self._silenced.add(address)
+            self._silent.add(address)
             address = address[: address.rindex("[")]
-        self._silenced.add(address)
+        self._silent.add(address)
 
     def raise_any(self) -> None:
         if self.items:

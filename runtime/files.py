@@ -1,4 +1,11 @@
-"""Files and their names: atomic writing, JSON and its form, hashes, slugs, links not followed."""
+"""Files and their names: atomic writing, JSON and its form, hashes, slugs, links not followed.
+
+In: paths, and data that may come from others. Out: files that are complete or as they were, and
+data whose form is known::
+
+    write_json(folder / "metrics.json", {"miss": math.inf})     # {"miss": null}
+    check_form(manifest, {"dt": (int, float), "probes": [str]})  # ValueError: dt is missing
+"""
 
 from __future__ import annotations
 
@@ -19,8 +26,9 @@ from typing import Any
 from runtime.errors import UsageError
 
 MAX_TEXT = 64 * 2**20  # bytes of a text file
-NAME_BYTES = 120  # of a file name made from a text; file systems allow 255
-# The byte that stands for a file where locks are of bytes and keep others from reading them.
+NAME_BYTES = 120  # of a file name made from any string; file systems allow 255
+# Under Windows a lock is of bytes and keeps others from reading them: this one is beyond any
+# content.
 LOCKED_BYTE = 2**30
 LARGEST = 1e308  # about the largest float
 NUMBER, MAYBE_NUMBER = (int, float), (int, float, type(None))
@@ -29,9 +37,9 @@ _NAMES |= {list: "a list", dict: "an object", type(None): "null"}
 
 
 def slug(text: str, otherwise: str = "graph") -> str:
-    """A text as a safe file name: ASCII, no separators, not hidden, not too long.
+    """A string as a safe file name: ASCII, no separators, not hidden, not too long.
 
-    A shortened name ends in a hash of the text, so that two long texts get different names.
+    A shortened name ends in a hash of the string, so that two long ones get different names.
     """
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or otherwise
     if len(name) <= NAME_BYTES:
@@ -50,13 +58,14 @@ def system_errors(action: str) -> Iterator[None]:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text of up to :data:`MAX_TEXT` bytes.
+    """Read a UTF-8 file of up to :data:`MAX_TEXT` bytes.
 
     Raises
     ------
     OSError, ValueError : it cannot be read, is longer, or is not UTF-8.
     """
     with path.open("rb") as file:
+        # Read, not asked for its size: a pipe or a device has none.
         data = file.read(MAX_TEXT + 1)
     if len(data) > MAX_TEXT:
         raise ValueError(f"more than {MAX_TEXT // 2**20} MiB")
@@ -114,10 +123,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
     OSError : it cannot be written; the old file is unchanged.
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    # Beside it, since a rename is atomic only within one file system.
     partial = path.with_name(f".{secrets.token_hex(6)}.partial")
     try:
         partial.write_bytes(data)
         partial.replace(path)
+    # Ctrl-C as well: nothing half-written stays.
     except BaseException:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
@@ -134,6 +145,7 @@ def open_file(path: Path, flags: int) -> int:
     for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_BINARY"):  # no system has all of them
         flags |= getattr(os, name, 0)
     if path.is_symlink():
+        # Windows has no O_NOFOLLOW.
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
     return os.open(path, flags)
 
@@ -144,6 +156,7 @@ def lock(file: int) -> bool:
     True, and no lock, on a file system without locks.
     """
     try:
+        # Imported by name: mypy checks for each system, and only one of them has the module.
         unix: Any = importlib.import_module("fcntl")
     except ImportError:
         return _lock_byte(file)
@@ -194,6 +207,7 @@ def write_json(path: Path, value: Any) -> None:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, float):
+        # json would write Infinity and NaN, which other languages' readers refuse.
         return value if math.isfinite(value) else None
     if isinstance(value, str):
         return value.encode("utf-8", "backslashreplace").decode()
@@ -219,6 +233,7 @@ def remove_tree(folder: Path) -> None:
 
 def point_link(link: Path, target: str) -> None:
     """Point a link at a folder beside it; does nothing where links are not supported."""
+    # Made beside and renamed over the old one, so that `latest` exists at any moment.
     fresh = link.parent / f".{link.name}-{secrets.token_hex(3)}"
     try:
         fresh.symlink_to(target, target_is_directory=True)
@@ -268,6 +283,8 @@ def is_number(value: Any) -> bool:
 
 
 def _expect(value: Any, types: tuple[type, ...], address: str) -> None:
+    # For isinstance true is an int, but in JSON it is no number. An integer of JSON has no limit,
+    # and one that no float holds would fail where it is first computed with.
     is_valid = bool in types if isinstance(value, bool) else isinstance(value, types)
     is_huge = isinstance(value, int) and abs(value) >= LARGEST
     if not is_valid or is_huge:

@@ -1,4 +1,11 @@
-"""Arrays larger than memory: read and written in blocks of rows."""
+"""Arrays larger than memory: read and written in blocks of rows.
+
+In: arrays, some of them mapped from a file, or the path of an archive. Out: an archive as
+:func:`numpy.savez` writes it, or its arrays::
+
+    for rows, (x, y) in row_blocks(position, speed):   # at most 4 MiB of each at a time
+        total += float((x * y).sum())
+"""
 
 from __future__ import annotations
 
@@ -32,10 +39,12 @@ def row_blocks(*arrays: FloatArray) -> Iterator[tuple[slice, list[FloatArray]]]:
 
 def release(array: FloatArray) -> None:
     """Let the system drop the cached pages of a file that is mapped for reading."""
+    # A slice is a view of a view: the map is at the end of the chain.
     base: Any = array
     while base is not None and not isinstance(base, mmap.mmap):
         base = getattr(base, "base", None)
     if base is not None and hasattr(base, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
+        # Pages that were read count as memory of this process: a limited one would be killed.
         base.madvise(mmap.MADV_DONTNEED)
 
 
@@ -43,9 +52,11 @@ def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
     """Write arrays like :func:`numpy.savez`, without loading them into memory."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
-            described = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
+            header = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
+            # Its size is not known to zipfile in advance: without zip64, 2 GiB are an error at the
+            # end.
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
-                np.lib.format.write_array_header_1_0(file, described)
+                np.lib.format.write_array_header_1_0(file, header)
                 for _, (rows,) in row_blocks(np.atleast_1d(array)):
                     file.write(np.ascontiguousarray(rows, dtype="<f8").data)
 
@@ -65,7 +76,7 @@ def open_arrays(path: Path) -> dict[str, FloatArray]:
             return dict(np.load(file, allow_pickle=False))
         with zipfile.ZipFile(file) as archive:
             return {
-                info.filename.removesuffix(".npy"): _mapped(path, archive, info)
+                info.filename.removesuffix(".npy"): _map_member(path, archive, info)
                 for info in archive.infolist()
             }
 
@@ -83,7 +94,7 @@ def _check_members(file: BinaryIO) -> None:
     file.seek(0)
 
 
-def _mapped(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
+def _map_member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
     if info.compress_type != zipfile.ZIP_STORED:
         raise ValueError(f"'{info.filename}' is compressed; expected arrays that are stored")
     with archive.open(info) as member:
@@ -92,6 +103,7 @@ def _mapped(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Floa
             raise ValueError(f"'{info.filename}' has format {version}; expected (1, 0)")
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
         header = member.tell()
+        # A memory map needs the bytes as they are: no conversion, rows one after the other.
         if dtype != np.float64 or fortran:
             raise ValueError(f"'{info.filename}' is {dtype}; expected rows of float64")
         size = header
@@ -101,10 +113,13 @@ def _mapped(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Floa
     if size - header != 8 * int(np.prod(shape, dtype=object)):
         raise ValueError(f"'{info.filename}' holds {size - header} bytes for shape {shape}")
     with path.open("rb") as file:
+        # The member's own header: 30 bytes, a name and an extra field. The lengths of the two in
+        # the archive's directory may be others.
         file.seek(info.header_offset + 26)
         lengths = file.read(4)
         start = 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
     offset = info.header_offset + start + header
+    # An empty file cannot be mapped.
     if size == header:
         return np.empty(shape)
     return np.asarray(np.memmap(path, "<f8", "r", offset, shape))

@@ -1,7 +1,11 @@
 """Output to the terminal: printing, numbers, tables and progress. Every verb prints through it.
 
-Names, texts and exceptions can come from files that are not trusted. Control sequences in them,
-which could move the cursor, change colours or reorder letters, are shown as escapes.
+In: names, strings and exceptions, some from files that are not trusted. Out: lines on stdout and
+stderr, in which control sequences that could move the cursor, change colours or reorder letters
+are escapes::
+
+    show("track\x1b[2J")      # prints track\x1b[2J
+    number(1234.5678), number(None), number(1e-17)    # '1235', '-', '0'
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ ROUNDING = 1e-12
 
 
 def printable(text: str) -> str:
-    r"""A text that holds only line feeds and printable characters.
+    r"""A string that holds only line feeds and printable characters.
 
     Control characters (C0, DEL, C1), bidirectional overrides, the line separators U+0085, U+2028
     and U+2029, and lone surrogates become escapes such as ``\x1b``.
@@ -45,7 +49,7 @@ def tell(text: object) -> None:
 
 
 def draw(text: str) -> None:
-    """Write a text with cursor movements on stderr; parts that are not trusted must be escaped."""
+    """Write cursor movements and text on stderr; parts that are not trusted must be escaped."""
     _write(sys.stderr, text)
     sys.stderr.flush()
 
@@ -64,7 +68,8 @@ def show_json(value: Any) -> None:
 
 
 def _write(stream: TextIO, text: str) -> None:
-    """Write a text; characters that the stream's encoding lacks become escapes."""
+    """Write a string; characters that the stream's encoding lacks become escapes."""
+    # A result must not become a traceback because a terminal knows ASCII only.
     encoding = getattr(stream, "encoding", None) or "utf-8"
     stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
@@ -146,13 +151,16 @@ class Progress:
         if not self.active:
             return
         spent = time.monotonic() - self.began
-        filled = WIDTH * done // total
-        bar = "█" * filled + "░" * (WIDTH - filled)
+        full = WIDTH * done // total
+        bar = "█" * full + "░" * (WIDTH - full)
         text = f"{self.label} {bar} {100 * done // total:3d} %"
+        # What was done before a resumption took no time of this process.
         if done > self.before:
-            left = spent * (total - done) / (done - self.before)
-            text += f"  {duration(left)} left"
+            remaining = spent * (total - done) / (done - self.before)
+            text += f"  {duration(remaining)} left"
         columns = shutil.get_terminal_size().columns - 1
+        # The note is written below and the cursor goes back up (\033[A), so that the next call
+        # draws over both; \033[K erases what is left of a longer line.
         below = f"\n{printable(note)[:columns]}\033[K\033[A" if note else ""
         self._draw(f"\r{text[:columns]}\033[K{below}")
 

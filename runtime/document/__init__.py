@@ -1,6 +1,14 @@
-"""The text of a graph: YAML read into an immutable tree with positions, files merged, edits made.
+"""A graph's file as data: YAML becomes an immutable tree with positions, files merge, edits apply.
 
-A :class:`Node` is a value with its position; every change returns a new tree.
+In: the name of a file. Out: one :class:`Node` tree with everything that the file extends and
+contains, in which ``$names`` are not filled in yet; or every problem with its position.
+
+    node, parse_errors, scalars   text -> tree         writer   tree -> text
+    loader      extends and parts merged               limits   how much work that may be
+    edits       --set, --without: a new tree           substitution   $names -> values
+    sections    which keys there are                   run_section    run: -> RunSection
+
+Every change returns a new tree that shares what it does not change.
 """
 
 from runtime.document.edits import (

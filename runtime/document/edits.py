@@ -1,4 +1,11 @@
-"""Changes to a graph's document: an entry set, a wire moved, a block added or left out."""
+"""Changes to a graph's document: an entry set, a wire moved, a block added or left out.
+
+In: a tree and a change. Out: a new tree, in which only the nodes on the way to the entry are new::
+
+    set_entry(document, "lqr.q", [1, 1])            # --set lqr.q=[1, 1]
+    set_wire(document, "lqr.error", "error.state")  # --wire lqr.error=error.state
+    add_names(document, "without", ("adaptive",))   # --without adaptive
+"""
 
 from __future__ import annotations
 
@@ -69,28 +76,29 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
         )
     if names in (["blocks"], ["wires"]):
         raise GraphError([Problem(where, path, f"name an entry, as in {names[0]}.NAME.KEY")])
+    # lqr=PID would put a word where a block's mapping is; what is meant is another type.
     if isinstance(value, str) and names[-1] in blocks and names[:-1] in ([], ["blocks"]):
         message = f"expected a parameter, as in {names[-1]}.KEY; a block of another type takes the "
         message += f"place of this one with --replace {names[-1]}={value}"
         raise GraphError([Problem(where, path, message)])
     node = value if value is None or isinstance(value, Node) else from_python(value, where)
-    return _set(document, _completed(document, names, SECTIONS), node, path, where)
+    return _set(document, _with_blocks(document, names, SECTIONS), node, path, where)
 
 
 def _elsewhere(document: Node, name: str) -> str:
     """Where a graph has an entry of that name: among its ``params``, or in one of its blocks."""
     params, blocks = document.get("params"), document.get("blocks")
-    found = []
+    places = []
     if params is not None and params.get(name) is not None:
-        found.append(f"params.{name}")
+        places.append(f"params.{name}")
     if blocks is not None:
-        found += [f"{block}.{name}" for block, entry in blocks.items() if entry.get(name)]
-    return f", did you mean {' or '.join(map(repr, found[:3]))}?" if found else ""
+        places += [f"{block}.{name}" for block, entry in blocks.items() if entry.get(name)]
+    return f", did you mean {' or '.join(map(repr, places[:3]))}?" if places else ""
 
 
 def full_path(document: Node, path: str) -> str:
     """A path with every ``blocks.`` written out, so that paths of the same entry are equal."""
-    return ".".join(_completed(document, path.strip().split("."), SECTIONS))
+    return ".".join(_with_blocks(document, path.strip().split("."), SECTIONS))
 
 
 def names_in(node: Node | None) -> list[str]:
@@ -99,7 +107,7 @@ def names_in(node: Node | None) -> list[str]:
     return [name for name, _ in blocks.items()] if blocks is not None else []
 
 
-def _completed(node: Node | None, names: list[str], own: Any) -> list[str]:
+def _with_blocks(node: Node | None, names: list[str], own: Any) -> list[str]:
     """A path with the ``blocks.`` that were left out."""
     if not names:
         return []
@@ -109,7 +117,7 @@ def _completed(node: Node | None, names: list[str], own: Any) -> list[str]:
     elif names[0] in own or names[0] not in names_in(node):
         return names
     below = blocks.get(names[0]) if blocks is not None else None
-    return ["blocks", names[0], *_completed(below, names[1:], PART_SECTIONS)]
+    return ["blocks", names[0], *_with_blocks(below, names[1:], PART_SECTIONS)]
 
 
 def _set(node: Node, names: list[str], value: Node | None, path: str, where: Where) -> Node:
@@ -127,6 +135,7 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
         raise GraphError([Problem(where, path, message)])
     below = node.get(name)
     if not rest:
+        # The position of the key stays that in the file: messages about a block point there.
         key = where if below is None else below.key
         return node.with_item(name, None if value is None else Node(value.value, value.where, key))
     if below is None:
@@ -137,6 +146,7 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
             known = [key for key, _ in node.items()]
             suggestion = hint(name, known) or f"; there are {', '.join(known) or 'none'}"
             raise GraphError([Problem(where, path, f"there is no '{name}'{suggestion}")])
+        # params.new=1 in a graph without params.
         below = Node({}, where, where)
     return node.with_item(name, _set(below, rest, value, path, where))
 
@@ -156,13 +166,14 @@ def set_wire(document: Node, consumer: str, source: Any, origin: str = "") -> No
     if names[0] == "wires" and "wires" not in names_in(document):
         names = names[1:]
     if "" in names or len(names) < 2:
-        shown = f"{origin}: " if origin else ""
+        prefix = f"{origin}: " if origin else ""
         raise UsageError(
-            f"{shown}expected consumer.input=producer.output, as in lqr.error=error.state, "
+            f"{prefix}expected consumer.input=producer.output, as in lqr.error=error.state, "
             f"got '{consumer}'"
         )
     path: list[str] = []
     scope: Node | None = document
+    # part.block.input: each name but the last two is a part, whose wires are its own.
     while len(names) > 2 and scope is not None:
         blocks = scope.get("blocks")
         scope = blocks.get(names[0]) if blocks is not None else None
@@ -183,10 +194,10 @@ def add_names(document: Node, section: str, names: tuple[str, ...], origin: str 
         raise UsageError(f"{origin.strip()}: expected a block's name")
     where = Where(origin or section)
     old = document.get(section)
-    written = [] if old is None or old.value is None else old.value if old.is_list else [old]
-    known = {item.value for item in written if isinstance(item.value, str)}
-    added = [Node(name, where, where) for name in names if name not in known]
-    return document.with_item(section, Node([*written, *added], where, where))
+    items = [] if old is None or old.value is None else old.value if old.is_list else [old]
+    names_before = {item.value for item in items if isinstance(item.value, str)}
+    added = [Node(name, where, where) for name in names if name not in names_before]
+    return document.with_item(section, Node([*items, *added], where, where))
 
 
 def add_entry(document: Node, section: str, name: str, entry: Any) -> Node:

@@ -1,8 +1,13 @@
 """Limits on the work that a graph's text may cause, counted rather than timed.
 
-A few lines can expand to an enormous tree: files that each extend two others, parts inside
-parts, params that repeat params. Shared subtrees cost no memory until they are written out, so
-the expanded size of a tree is measured before anything walks it.
+In: trees, and steps of work as they are done. Out: nothing, or a GraphError that names the limit.
+A few lines can expand to an enormous tree::
+
+    a: {extends: [b, b]}    b: {extends: [c, c]}    c: ...    # n files merge 2^n times
+    outer: {graph: part.yaml, params: {x: [$y, $y]}}          # so do parts within parts
+
+Shared subtrees cost no memory until they are written out, so the expanded size of a tree is
+measured before anything walks it. Counts, and not times: the same graph is refused everywhere.
 """
 
 from __future__ import annotations
@@ -14,6 +19,7 @@ from runtime.errors import GraphError, Problem, Problems, Where
 
 MAX_LEVELS = 50  # files that extend or contain each other
 MAX_BLOCKS = 20_000
+# Enough to read, merge and fill in the largest document once each.
 MAX_WORK = 3 * MAX_NODES
 MAX_VALUE_DEPTH = 10  # of the value of a param; those of parts may hold those of parts around them
 STEPS_OF_ITEM = 10  # a number in a list is checked, converted and copied wherever a param puts it
@@ -31,16 +37,18 @@ class Measure:
         value = node.value
         if not isinstance(value, (dict, list)):
             return 1, 0
-        known = self._known.get(id(value))
-        if known is None:
+        entry = self._known.get(id(value))
+        if entry is None:
+            # Recursion is safe: no file is nested deeper than MAX_DEPTH, and files at most
+            # MAX_LEVELS.
             items = value if isinstance(value, list) else value.values()
             inside = [
                 self.of(item) if isinstance(item.value, (dict, list)) else (1, 0) for item in items
             ]
             size = 1 + sum(size for size, _ in inside)
             depth = 1 + max((depth for _, depth in inside), default=0)
-            known = self._known[id(value)] = (value, size, depth)
-        return known[1], known[2]
+            entry = self._known[id(value)] = (value, size, depth)
+        return entry[1], entry[2]
 
 
 class Work:

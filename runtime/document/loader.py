@@ -1,4 +1,12 @@
-"""From files to one complete document: finds graphs, merges ``extends``, inlines parts."""
+"""From files to one complete document: finds graphs, merges ``extends``, inlines parts.
+
+In: a file, a shipped graph's name or a dict. Out: one tree, whose values keep their positions in
+the files that they come from, and the bytes of each file read::
+
+    own.yaml:   extends: line          line.yaml:  blocks: {lqr: {type: LQR, q: 1, r: 1}}
+                blocks: {lqr: {q: 2}}
+    read_graph("own.yaml")[0]:         blocks: {lqr: {type: LQR, q: 2, r: 1}}
+"""
 
 from __future__ import annotations
 
@@ -30,28 +38,26 @@ def shipped_graphs() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
 
 
-def load_document(source: Source) -> Node:
-    """Read a graph with all that it extends and all its parts.
+def read_graph(
+    source: Source, unsaved: Mapping[Path, str] | None = None
+) -> tuple[Node, dict[str, bytes]]:
+    """Read a graph with all that it extends and all its parts, and the content of each file.
+
+    Each file is read once, so that a run stores exactly what it ran, even if the files change
+    meanwhile.
 
     Parameters
     ----------
     source : a file, the name of a shipped graph, or the graph as a dict.
+    unsaved : what replaces the content of files, by resolved path.
+
+    Returns
+    -------
+    tuple : the document, and the bytes of each file, by resolved path.
 
     Raises
     ------
     GraphError : files, or files that they name, cannot be read; it lists all of them.
-    """
-    return read_graph(source)[0]
-
-
-def read_graph(
-    source: Source, unsaved: Mapping[Path, str] | None = None
-) -> tuple[Node, dict[str, bytes]]:
-    """Read a graph as :func:`load_document` does; returns also the content of every file read.
-
-    The keys are the files' resolved paths. Each file is read once, so that a run stores exactly
-    what it ran, even if the files change meanwhile. ``unsaved`` are texts that replace the content
-    of files, by resolved path.
     """
     loader = _Loader(unsaved)
     if isinstance(source, Mapping):
@@ -73,7 +79,7 @@ def complete_document(
     Parameters
     ----------
     document : the parsed text; path : its file, which need not exist.
-    unsaved : texts that replace the content of files, by resolved path.
+    unsaved : what replaces the content of files, by resolved path.
     parse : reads a file's text; the default, or one that remembers.
 
     Returns
@@ -82,15 +88,15 @@ def complete_document(
     """
     loader = _Loader(unsaved, parse)
     try:
-        completed = loader.parsed(document, (path.resolve(),))
-        if completed is not None:
-            loader.work.check(completed, completed.where, "")
+        complete = loader.complete_root(document, (path.resolve(),))
+        if complete is not None:
+            loader.work.check(complete, complete.where, "")
     except GraphError as error:
         return document, error.problems
-    return completed or document, loader.problems.items
+    return complete or document, loader.problems.items
 
 
-def _unlimited(entries: int) -> None:
+def _no_limit(entries: int) -> None:
     """Set no limit."""
 
 
@@ -99,7 +105,7 @@ def merge(
     top: Node,
     section: str = "",
     key: str = "",
-    charge: Callable[[int], None] = _unlimited,
+    charge: Callable[[int], None] = _no_limit,
 ) -> Node:
     """Merge one tree over another: mappings merge, null deletes, everything else replaces.
 
@@ -118,51 +124,53 @@ def merge(
 
 def _merge_entries(base: Node, top: Node, key: str, charge: Callable[[int], None]) -> Node:
     charge(len(base.value) + len(top.value))
-    merged = dict(base.value)
+    entries = dict(base.value)
     for name, node in top.items():
-        below = merged.get(name)
+        below = entries.get(name)
         if below is None:
-            merged[name] = node
+            entries[name] = node
         elif node.value is None:
-            del merged[name]
+            # Removed, not set to null: below it may be given again by a file that extends this one.
+            del entries[name]
         else:
-            merged[name] = merge(below, node, key, name, charge)
-    return Node(merged, top.where, top.key)
+            entries[name] = merge(below, node, key, name, charge)
+    return Node(entries, top.where, top.key)
 
 
 def _is_another(base: Node, top: Node) -> bool:
     for name in ("type", "kind", "part"):
         above, below = top.get(name), base.get(name)
+        # An entry that names no type changes the one below, whatever its type.
         if above is not None and (below is None or below.value != above.value):
             return True
     return False
 
 
-def _shipped_beside(written: Path) -> list[str]:
+def _shipped_beside(path: Path) -> list[str]:
     """The shipped files in the folder that a name such as ``conditions/lag`` has."""
-    if written.is_absolute() or len(written.parts) < 2 or ".." in written.parts:
+    if path.is_absolute() or len(path.parts) < 2 or ".." in path.parts:
         return []
-    return _names((SHIPPED / written).parent.glob(f"*{SUFFIX}"))
+    return _names((SHIPPED / path).parent.glob(f"*{SUFFIX}"))
 
 
 def _names(paths: Iterable[Path]) -> list[str]:
     return sorted(path.relative_to(SHIPPED).with_suffix("").as_posix() for path in paths)
 
 
-def _similar(written: Path, near: list[str], shipped: list[str]) -> list[str]:
+def _similar(path: Path, near: list[str], shipped: list[str]) -> list[str]:
     """The files beside a misspelt name, or else the shipped ones, that may be meant.
 
     Compared are names without folders and suffixes, which would make any two files look alike.
     """
-    known = {Path(name).stem: str(written.parent / name) for name in near}
-    if close := closest(written.stem, known):
-        return [known[close]]
+    paths_by_stem = {Path(name).stem: str(path.parent / name) for name in near}
+    if close := closest(path.stem, paths_by_stem):
+        return [paths_by_stem[close]]
     stems = {name: Path(name).stem for name in shipped}
-    begin = [name for name, stem in stems.items() if written.stem and stem.startswith(written.stem)]
-    exact = [name for name in begin if stems[name] == written.stem]
+    begin = [name for name, stem in stems.items() if path.stem and stem.startswith(path.stem)]
+    exact = [name for name in begin if stems[name] == path.stem]
     if 0 < len(exact or begin) <= MOST_SIMILAR:
         return exact or begin
-    close = closest(written.stem, stems.values())
+    close = closest(path.stem, stems.values())
     return [name for name, stem in stems.items() if stem == close][:MOST_SIMILAR]
 
 
@@ -175,29 +183,31 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
     ------
     GraphError : there is none.
     """
-    written = Path(name)
-    places = [folder / written, folder / f"{name}{SUFFIX}"]
-    if not written.is_absolute():
-        places += [SHIPPED / written, SHIPPED / f"{name}{SUFFIX}"]
+    path = Path(name)
+    # The own folder first: a user's file may have the name of a shipped graph.
+    places = [folder / path, folder / f"{name}{SUFFIX}"]
+    if not path.is_absolute():
+        places += [SHIPPED / path, SHIPPED / f"{name}{SUFFIX}"]
     try:
         for candidate in places:
             if candidate.is_file():
                 return candidate
-        is_folder = bool(name) and (folder / written).is_dir()
-        inside = [n for n in RUNNABLE if is_folder and (folder / written / n).is_file()]
-        near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
-        beside = _shipped_beside(written)
+        is_folder = bool(name) and (folder / path).is_dir()
+        inside = [n for n in RUNNABLE if is_folder and (folder / path / n).is_file()]
+        near = [file.name for file in (folder / path).parent.glob(f"*{SUFFIX}")]
+        beside = _shipped_beside(path)
     except OSError as error:
         raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
     worlds = sorted(str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}"))
-    shipped = shipped_graphs() if noun == "graph" else worlds
+    shipped_names = shipped_graphs() if noun == "graph" else worlds
     everywhere = _names(SHIPPED.rglob(f"*{SUFFIX}")) if noun == "graph" else worlds
+    # The file in which the name is written is not the one that is meant.
     near = [file for file in near if file != Path(at[0].file).name]
-    candidates = [str(written / n) for n in inside]
-    candidates = candidates or _similar(written, near, beside or everywhere)
-    suggestion = f"; shipped {noun}s: {', '.join(shipped)}"
+    candidates = [str(path / n) for n in inside]
+    candidates = candidates or _similar(path, near, beside or everywhere)
+    suggestion = f"; shipped {noun}s: {', '.join(shipped_names)}"
     if beside:
-        suggestion = f"; shipped {written.parent.as_posix()}: {', '.join(beside)}"
+        suggestion = f"; shipped {path.parent.as_posix()}: {', '.join(beside)}"
     if candidates:
         suggestion = f", did you mean {' or '.join(map(repr, candidates))}?"
     message = "is a folder" if is_folder else f"no such {noun}"
@@ -244,7 +254,7 @@ class _Loader:
     """Reads files, and continues after a problem, so that all problems are found.
 
     ``above`` holds the files that are being read, the outermost first; ``contents`` the content
-    of each file read; ``unsaved`` texts take the place of files, and ``parse`` reads them.
+    of each file read; ``unsaved`` takes the place of files, and ``parse`` reads both.
     """
 
     def __init__(
@@ -263,6 +273,7 @@ class _Loader:
         except GraphError as error:
             self.problems.items += error.problems
             return None
+        # Two names of one file, as through a link, are a circle as well.
         if path.resolve() in above:
             chain = " ▸ ".join(p.name for p in (*above, path))
             message = f"graphs refer to each other in a circle: {chain}"
@@ -272,12 +283,13 @@ class _Loader:
             message = f"graphs extend or contain each other more than {MAX_LEVELS} levels deep"
             self.work.stop(*at, message)
         key = str(path)
+        # Once: ten blocks of one part share its tree, and Measure counts it once.
         if key not in self.done:
             self.done[key] = self.read(path, at, (*above, path.resolve()))
-        found = self.done[key]
-        if found is not None:
-            self.work.check(found, found.where if at[0] == NOWHERE else at[0], at[1])
-        return found
+        document = self.done[key]
+        if document is not None:
+            self.work.check(document, document.where if at[0] == NOWHERE else at[0], at[1])
+        return document
 
     def read(self, path: Path, at: Location, above: tuple[Path, ...]) -> Node | None:
         try:
@@ -285,9 +297,9 @@ class _Loader:
         except GraphError as error:
             self.problems.items += error.problems
             return None
-        return self.parsed(document, above)
+        return self.complete_root(document, above)
 
-    def parsed(self, document: Node, above: tuple[Path, ...]) -> Node | None:
+    def complete_root(self, document: Node, above: tuple[Path, ...]) -> Node | None:
         """A file's document, complete; None, and a problem, if it is not a mapping."""
         if not document.is_map:
             message = f"expected a mapping with blocks and wires, got {document.describe()}"
@@ -304,8 +316,10 @@ class _Loader:
         self.contents[str(path.resolve())] = data
         return decode(data, path)
 
-    def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
-        """The graph that a text in a graph names."""
+    def referenced_graph(
+        self, node: Node, address: str, what: str, above: tuple[Path, ...]
+    ) -> Node | None:
+        """The graph whose file or name is written in another."""
         if not is_path(node):
             self.problems.add(node.where, address, f"expected {what}, got {node.describe()}")
             return None
@@ -314,18 +328,22 @@ class _Loader:
     def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
         """Merge what the document extends, and inline the parts that its blocks name."""
         extends = document.get("extends")
+        # Parts are inlined before the merge, since it asks whether an entry is the same part as the
+        # one below (`part` is set by inlining).
         document = self.parts(document.with_item("extends", None), "blocks", above)
         document = self.runs(self.world(self.own_kinds(document)))
         if extends is None:
             return document
         base: Node | None = None
         for node in extends.value if extends.is_list else [extends]:
-            below = self.named(node, "extends", "a graph's file or name", above)
+            below = self.referenced_graph(node, "extends", "a graph's file or name", above)
             if below is not None:
-                base = below if base is None else self.merged(base, below, node)
-        return document if base is None else self.merged(base, document, extends)
+                # Of several, a later file lies above the earlier ones, and the graph itself above
+                # all.
+                base = below if base is None else self.merge_charged(base, below, node)
+        return document if base is None else self.merge_charged(base, document, extends)
 
-    def merged(self, base: Node, top: Node, at: Node) -> Node:
+    def merge_charged(self, base: Node, top: Node, at: Node) -> Node:
         return merge(base, top, charge=partial(self.charge, at))
 
     def charge(self, at: Node, entries: int) -> None:
@@ -347,12 +365,12 @@ class _Loader:
 
     def runs(self, document: Node) -> Node:
         """Make the runs that a graph begins from relative to the file that names them."""
-        whole, named = document.get("from"), document.get("initial")
+        whole, initial = document.get("from"), document.get("initial")
         if whole is not None and is_path(whole):
             document = document.with_item("from", _absolute(whole))
-        if named is not None and named.is_map:
-            entries = {k: _absolute(n) if is_path(n) else n for k, n in named.items()}
-            document = document.with_item("initial", Node(entries, named.where, named.key))
+        if initial is not None and initial.is_map:
+            entries = {k: _absolute(n) if is_path(n) else n for k, n in initial.items()}
+            document = document.with_item("initial", Node(entries, initial.where, initial.key))
         return document
 
     def parts(self, document: Node, address: str, above: tuple[Path, ...]) -> Node:
@@ -390,6 +408,8 @@ class _Loader:
             if node is not None and is_path(node):
                 entry = entry.with_item(key, _absolute(node))
             elif node is not None and isinstance(node.value, str) and node.value[:1] == "$":
+                # Files are read before params are filled in, so that a part's params are known by
+                # then.
                 message = "write the path itself, which is relative to this file, not a $param"
                 self.problems.add(node.where, f"{address}.{key}", message)
         for key, node in entry.items():
@@ -398,21 +418,21 @@ class _Loader:
         return entry
 
     def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:
-        below = self.named(part, f"{address}.graph", "the file of a part", above)
+        below = self.referenced_graph(part, f"{address}.graph", "the file of a part", above)
         if below is None:
             return entry
-        params, given = below.get("params"), entry.get("params")
-        for name, node in given.items() if given is not None else ():
+        params, arguments = below.get("params"), entry.get("params")
+        for name, node in arguments.items() if arguments is not None else ():
             if params is None or params.get(name) is None:
-                known = [] if params is None else [key for key, _ in params.items()]
-                suggestion = hint(name, known) or f"; it has {', '.join(known) or 'none'}"
+                names = [] if params is None else [key for key, _ in params.items()]
+                suggestion = hint(name, names) or f"; it has {', '.join(names) or 'none'}"
                 message = f"the part has no param '{name}'{suggestion}"
                 self.problems.add(node.key, f"{address}.params.{name}", message)
         below = below.with_item("graph", None)
         rest = self.parts(entry.with_item("graph", None), f"{address}.blocks", above)
         charge = partial(self.charge, part)
-        merged = _merge_entries(below, rest, "", charge).with_item("part", part)
-        return Node(merged.value, entry.where, entry.key)
+        entries = _merge_entries(below, rest, "", charge).with_item("part", part)
+        return Node(entries.value, entry.where, entry.key)
 
 
 def is_path(node: Node) -> bool:

@@ -1,5 +1,11 @@
 """YAML text as a tree in which every value has its position.
 
+In: the text of a file. Out: a :class:`Node` for each value, or every problem up to the first
+syntax error::
+
+    parse_yaml("lqr: {q: [1, 2]}", "g.yaml").plain()                 # {'lqr': {'q': [1, 2]}}
+    parse_yaml("lqr: {q: [1, 2]}", "g.yaml").get("lqr").get("q").where   # g.yaml:1:10
+
 A strict reading of YAML 1.2: scalars by its core schema (:mod:`runtime.document.scalars`),
 keys must be unique. Tags and merge keys are refused; aliases are expanded up to a limit.
 """
@@ -20,7 +26,9 @@ from runtime.document.scalars import in_range, parse_scalar
 from runtime.document.writer import dump_yaml as dump_yaml
 from runtime.errors import NOWHERE, GraphError, Problem, Where
 
+# The C parser is many times as fast, and its events are the same.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+# Far below Python's limit of recursion, which every walk through a tree would reach otherwise.
 MAX_DEPTH = 50
 MAX_NODES = 1_000_000
 
@@ -60,8 +68,8 @@ class Node:
 
     def get(self, name: str) -> Node | None:
         """A mapping's entry, or None."""
-        found = self.value.get(name) if self.is_map else None
-        return found if isinstance(found, Node) else None
+        entry = self.value.get(name) if self.is_map else None
+        return entry if isinstance(entry, Node) else None
 
     def items(self) -> Iterable[tuple[str, Node]]:
         return self.value.items() if self.is_map else ()
@@ -98,13 +106,13 @@ def from_python(value: Any, where: Where = NOWHERE) -> Node:
     return _from_python(value, where, "", 0, count(1))
 
 
-def _from_python(value: Any, where: Where, address: str, depth: int, seen: count[int]) -> Node:
+def _from_python(value: Any, where: Where, address: str, depth: int, counter: count[int]) -> Node:
     def refuse(message: str) -> GraphError:
         return GraphError([Problem(where, address[:60], message)])
 
     if depth > MAX_DEPTH:
         raise refuse(f"nested more than {MAX_DEPTH} deep")
-    if next(seen) > MAX_NODES:
+    if next(counter) > MAX_NODES:
         raise refuse(f"more than {MAX_NODES} values")
     if hasattr(value, "tolist"):
         value = value.tolist()
@@ -112,13 +120,13 @@ def _from_python(value: Any, where: Where, address: str, depth: int, seen: count
         entries = {}
         for key, item in value.items():
             if not isinstance(key, str) or not _is_unicode(key):
-                raise refuse(f"expected a text as key, got {show(key)}")
+                raise refuse(f"expected a string as key, got {show(key)}")
             inner = f"{address}.{key}".lstrip(".")
-            entries[key] = _from_python(item, where, inner, depth + 1, seen)
+            entries[key] = _from_python(item, where, inner, depth + 1, counter)
         return Node(entries, where, where)
     if isinstance(value, (list, tuple)):
         items = [
-            _from_python(item, where, f"{address}[{i}]", depth + 1, seen)
+            _from_python(item, where, f"{address}[{i}]", depth + 1, counter)
             for i, item in enumerate(value)
         ]
         return Node(items, where, where)
@@ -128,9 +136,9 @@ def _from_python(value: Any, where: Where, address: str, depth: int, seen: count
         except ValueError as error:
             raise refuse(str(error)) from None
     elif value is not None and not isinstance(value, (bool, float, str)):
-        raise refuse(f"expected a number, text, list or mapping, got {type(value).__name__}")
+        raise refuse(f"expected a number, string, list or mapping, got {type(value).__name__}")
     elif isinstance(value, str) and not _is_unicode(value):
-        raise refuse("a text with a lone surrogate, which is no character")
+        raise refuse("a string with a lone surrogate, which is not a character")
     return Node(value, where, where)
 
 
@@ -148,6 +156,8 @@ def parse_yaml(text: str, file: str) -> Node:
     """
     reader = _Reader(file)
     try:
+        # Events, not yaml.load or compose: these drop duplicate keys or build Python objects from
+        # tags.
         root = reader.document(iter(yaml.parse(text, Loader=_LOADER)))
     except (yaml.YAMLError, UnicodeError) as error:
         reader.problems.append(explain(error, text, file))
@@ -200,6 +210,7 @@ class _Reader:
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event, where, key, address)
         if event.anchor:
+            # None until the value is complete: an alias inside of it would refer to itself.
             self.anchors[event.anchor] = None
         before = self.count
         if isinstance(event, yaml.ScalarEvent):
@@ -212,6 +223,8 @@ class _Reader:
             node = Node(self.mapping(events, depth, address), where, key)
         if event.anchor:
             self.anchors[event.anchor] = node
+            # An alias counts as all that it stands for, though it shares the tree: ten lines of ten
+            # aliases each are 10^10 values once written out.
             self.sizes[id(node)] = self.count - before + 1
         return node
 
@@ -222,11 +235,13 @@ class _Reader:
 
     def scalar(self, event: Any, address: str) -> Any:
         self.refuse_tag(event, address)
+        # Quotes make a string of anything: '1e-3' is text.
         if not event.implicit[0] or event.tag:
             return event.value
         try:
             return parse_scalar(event.value)
         except ValueError as error:
+            # Reading goes on with any value, so that all such numbers are reported at once.
             self.note(event, address, f"{event.value[:40]} is {error}")
             return 0
 
@@ -261,17 +276,19 @@ class _Reader:
                 if inner.startswith("wires.") and inner.count(".") == 2:
                     message += "; to add two signals, wire both to a Sum: {terms: [a.out, b.out]}"
                 self.note(event, inner, message)
+            # {gain:2} is a key 'gain:2' without a value for YAML.
             elif _MISSING_SPACE.fullmatch(name) and getattr(following, "value", None) == "":
                 before, _, after = name.partition(":")
                 message = f"a space is missing after the colon: {before}: {after}"
                 self.note(event, address, message)
+            # The first of two equal keys stays: the second is the reported one.
             entries.setdefault(name, value)
         return entries
 
     def key(self, event: Any, events: Iterator[Any], depth: int, address: str) -> str:
         if not isinstance(event, yaml.ScalarEvent):
             self.node(event, events, NOWHERE, depth + 1, address)
-            self.note(event, address, "a key must be a text")
+            self.note(event, address, "a key must be a string")
             return ""
         self.refuse_tag(event, address)
         name = str(event.value)
@@ -279,7 +296,7 @@ class _Reader:
             self.anchors[event.anchor] = node = Node(name, self.where(event))
             self.sizes[id(node)] = 1
         if event.implicit[0] and name == "":
-            self.note(event, address, "a key must be a text")
+            self.note(event, address, "a key must be a string")
         if event.implicit[0] and name == "<<":
             message = "YAML 1.2 has no merge keys; write the entries out, or use extends"
             self.note(event, address, message)

@@ -1,4 +1,10 @@
-"""Errors of the YAML parser, each with a message that suggests a fix."""
+"""Errors of the YAML parser, each with a message that suggests a fix.
+
+In: libyaml's exception and the text. Out: a problem at the character that needs to change::
+
+    title: robot: line    libyaml: mapping values are not allowed in this context
+                          here:    a string that contains ': ' needs quotes: title: "robot: line"
+"""
 
 from __future__ import annotations
 
@@ -9,12 +15,15 @@ import yaml
 
 from runtime.errors import Problem, Where
 
+# The complement of what YAML 1.2 allows (c-printable).
 _ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+# What libyaml counts as a line: str.splitlines also breaks at form feeds.
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+# plant.scan[0:2] inside of {}, where the bracket would begin a list.
 _SLICED = re.compile(r"[^\s:,{}[\]\"'][^:,{}[\]\"']*(?:\[[0-9: ]*\][^,{}[\]\"']*)+")
 _SUGGESTIONS = {
     "mapping values are not allowed in this context": (
-        "an unexpected ':'; quote a text that contains ': ', or check the indentation"
+        "an unexpected ':'; quote a string that contains ': ', or check the indentation"
     ),
     "did not find expected key": (
         "this does not fit the lines above; check its indentation, and the quotes before it"
@@ -39,25 +48,28 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
     problem: Any = getattr(error, "problem_mark", None)
     context: Any = getattr(error, "context_mark", None)
     message = str(getattr(error, "problem", None) or str(error).splitlines()[0])
+    # The reader fails before there are tokens, so the exception has no mark.
     if illegal and problem is None:
         message = f"character U+{ord(illegal[0]):04X} is not allowed; remove it"
         return Problem(position(text, illegal.start(), file), "", message)
     mark = problem or context
+    # From the most specific: libyaml says "did not find expected ','" for an unquoted ': ', for
+    # brackets in an address and for a missing brace alike, and only the text tells which.
     if "cannot start any token" in message:
         message = _stray(text, mark.line, mark.column) or message
     elif "unexpected end of stream" in message and context is not None:
         mark, message = context, "the quote that opens here is never closed"
     elif mark is not None and (
-        unquoted := _unquoted(text, mark, message) or _bracketed(text, mark, message)
+        advice := _colon_advice(text, mark, message) or _bracket_advice(text, mark, message)
     ):
-        message = unquoted
+        message = advice
     elif message.startswith("did not find expected ','") and context is not None:
-        opened = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
+        opening = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
         closing = _character(text, problem)
         if closing in "]}" and closing != message[-2]:
             message = f"this '{closing}' has no '{'[' if closing == ']' else '{'}' before it"
         elif problem.line > context.line:
-            mark, message = context, f"this '{opened}' is not closed"
+            mark, message = context, f"this '{opening}' is not closed"
         else:
             message = message.replace("did not find expected", "expected")
     elif "could not find expected ':'" in message and context is not None:
@@ -91,8 +103,8 @@ def position(text: str, index: int, file: str) -> Where:
     return Where(file, len(breaks) + 1, index - begin + 1)
 
 
-def _unquoted(text: str, mark: Any, message: str) -> str:
-    """What to write where a text without quotes holds ': '; '' if that is not what is wrong."""
+def _colon_advice(text: str, mark: Any, message: str) -> str:
+    """What to write where a string without quotes holds ': '; '' if that is not what is wrong."""
     lines = _BREAK.split(text)
     line = lines[mark.line] if mark.line < len(lines) else ""
     before, rest = line[: mark.column], line[mark.column :]
@@ -104,11 +116,11 @@ def _unquoted(text: str, mark: Any, message: str) -> str:
     if not (colon and start.strip()) or set("\"'[]{}") & set(value) or len(value) > 80:
         return ""
     name = re.split(r"[{,\s]", key)[-1]
-    quoted = f"a text that contains ': ' needs quotes: {name}: \"{value}\""
-    return f"expected ',' or '}}'; {quoted}" if "','" in message else quoted
+    advice = f"a string that contains ': ' needs quotes: {name}: \"{value}\""
+    return f"expected ',' or '}}'; {advice}" if "','" in message else advice
 
 
-def _bracketed(text: str, mark: Any, message: str) -> str:
+def _bracket_advice(text: str, mark: Any, message: str) -> str:
     """What to write where an address inside of braces has brackets; '' if that is not wrong."""
     line = [*_BREAK.split(text), ""][mark.line]
     match = _SLICED.search(line, 0, len(line))
@@ -116,12 +128,12 @@ def _bracketed(text: str, mark: Any, message: str) -> str:
         match = _SLICED.search(line, match.end())
     if match is None or "','" not in message:
         return ""
-    return f'inside of braces, a text with brackets needs quotes: "{match[0]}"'
+    return f'inside of braces, a string with brackets needs quotes: "{match[0]}"'
 
 
 def _stray(text: str, line: int, column: int) -> str:
     lines = text.splitlines()
-    found = lines[line][column : column + 1] if line < len(lines) else ""
-    if found == "\t":
+    character = lines[line][column : column + 1] if line < len(lines) else ""
+    if character == "\t":
         return "a tab; indent with spaces"
-    return f"a text cannot begin with {found}; put it in quotes" if found else ""
+    return f"a string cannot begin with {character}; put it in quotes" if character else ""

@@ -1,4 +1,11 @@
-"""The ``run`` section of a graph: base step, length, seed, engine and solver."""
+"""The ``run`` section of a graph: base step, length, seed, engine and solver.
+
+In: a document. Out: a :class:`RunSection` with defaults for what is missing or wrong, so that the
+rest of the graph can be checked as well::
+
+    run: {dt: 0.001, until: 5, solver: dopri5, rtol: 1e-8}
+    RunSection(dt=0.001, until=5.0, ..., solver=Solver("dopri5", rtol=1e-8))
+"""
 
 from __future__ import annotations
 
@@ -15,7 +22,7 @@ from runtime.errors import Problems
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled", "checked")
-KEPT = ("small", "all", "none")
+STATE_CHOICES = ("small", "all", "none")
 SOLVERS = ("euler", "heun", "rk4", "dopri5", "rodas4")
 ADAPTIVE = ("dopri5", "rodas4")
 STOP_DOCS = {
@@ -28,7 +35,7 @@ STOPS = tuple(key for key in STOP_DOCS if key != "when")
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {
-    **{"engine": ENGINES, "solver": SOLVERS, "states": KEPT},
+    **{"engine": ENGINES, "solver": SOLVERS, "states": STATE_CHOICES},
     "time_unit": tuple(TIME_UNITS),
 }
 DEFAULT_MEMORY = 1024**3
@@ -83,7 +90,7 @@ class RunSection:
     memory: int
     solver: Solver
     stop: Stop | None = None
-    states: str = KEPT[0]
+    states: str = STATE_CHOICES[0]
     time_unit: str = SECOND
 
 
@@ -106,9 +113,10 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         message = f"{until:g} {unit} are {until / dt:.3g} ticks of dt = {dt:g} {unit}"
         message += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
         problems.add(where, "run.until", message)
+        # One tick: what follows needs a length, and the problem is reported.
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
-    states = _choice(run, "states", KEPT, KEPT[0], problems)
+    states = _choice(run, "states", STATE_CHOICES, STATE_CHOICES[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
     return RunSection(dt, until, seed, engine, memory, solver, stop, states, unit)
 
@@ -130,20 +138,21 @@ def _choice(
     value = default if node is None else node.value
     if node is not None and value not in choices:
         suggestion = hint(str(value), choices) or f"; expected {', '.join(choices)}"
-        given = repr(value) if isinstance(value, str) else node.describe()
-        problems.add(node.where, f"run.{key}", f"there is no {key} {given}{suggestion}")
+        shown_value = repr(value) if isinstance(value, str) else node.describe()
+        problems.add(node.where, f"run.{key}", f"there is no {key} {shown_value}{suggestion}")
         return default
     return str(value)
 
 
 def _solver(run: dict[str, Node], problems: Problems) -> Solver:
     name = _choice(run, "solver", SOLVERS, Solver.name, problems)
-    given = {}
+    tolerances = {}
     for key in TOLERANCES:
         if key not in run:
             continue
         node = run[key]
         value = node.value
+        # In Python true is an int.
         good = isinstance(value, (int, float)) and not isinstance(value, bool)
         if name not in ADAPTIVE:
             message = f"solver: {name} takes one step per tick; {key} is for dopri5 and rodas4"
@@ -152,8 +161,8 @@ def _solver(run: dict[str, Node], problems: Problems) -> Solver:
             message = f"expected a number above 0, got {node.describe()}"
             problems.add(node.where, f"run.{key}", message)
         else:
-            given[key] = float(value)
-    return Solver(name, **given)
+            tolerances[key] = float(value)
+    return Solver(name, **tolerances)
 
 
 def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
@@ -170,6 +179,7 @@ def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
         where = node.where if when is None else when.where
         problems.add(where, "run.stop.when", f"expected the address of a number, {example}")
         return None
+    # Two levels would need a rule for which of them ends the run.
     if len(kinds) != 1:
         message = f"expected one of {', '.join(STOPS)}, {example}"
         problems.add(node.where, "run.stop", message)
@@ -186,12 +196,12 @@ def _memory(run: dict[str, Node], problems: Problems) -> int:
     node = run.get("memory")
     if node is None:
         return DEFAULT_MEMORY
-    written = re.fullmatch(r"([1-9][0-9]*)([KMG]?)", str(node.value))
-    if written is None or isinstance(node.value, bool):
+    match = re.fullmatch(r"([1-9][0-9]*)([KMG]?)", str(node.value))
+    if match is None or isinstance(node.value, bool):
         message = "expected a size in bytes for recordings, such as 512M or 2G"
         problems.add(node.where, "run.memory", f"{message}, got {node.describe()}")
         return DEFAULT_MEMORY
-    return int(written[1]) * UNITS[written[2]]
+    return int(match[1]) * UNITS[match[2]]
 
 
 def seconds(node: Node, address: str, problems: Problems) -> float | None:

@@ -1,4 +1,8 @@
-"""Plain scalars by YAML 1.2's core schema: ``1e-3`` is a number, ``on`` text, ``010`` ten."""
+"""Plain scalars by YAML 1.2's core schema: ``1e-3`` is a number, ``on`` text, ``010`` ten.
+
+In: a scalar without quotes. Out: None, a bool, an int, a float or the string itself. PyYAML reads
+YAML 1.1, in which these three are a string, true and 8, and ``12:30`` is 750.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +34,8 @@ def parse_scalar(text: str) -> Any:
     if text in _WORDS:
         return _WORDS[text]
     if _INT.fullmatch(text):
+        # int() refuses more than 4,300 digits with a message of its own; all of these are out of
+        # range.
         digits = text.lstrip("+-").lstrip("0")
         return in_range(int(text)) if len(digits) <= MAX_DIGITS else in_range(10**MAX_DIGITS)
     if _OTHER_INT.fullmatch(text):
@@ -38,6 +44,7 @@ def parse_scalar(text: str) -> Any:
         number = float(text)
         if math.isinf(number):
             raise ValueError("too large for a float; infinity is written .inf")
+        # 1e-400 is not what a graph means by 0.
         if number == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
             raise ValueError("too small for a float; write 0 if that is intended")
         return number

@@ -1,4 +1,11 @@
-"""The sections of a graph: what each contains, and how it is read."""
+"""The sections of a graph: what each contains, and how it is read.
+
+In: a document and a section's name. Out: its entries, with a problem for each key that does not
+exist and a suggestion::
+
+    check_keys(node, RUN_KEYS, "run", problems, "key", RUN_OTHER_NAMES)
+    # line.yaml:2:6: run.duration: unknown key, did you mean 'until'?
+"""
 
 from __future__ import annotations
 
@@ -96,39 +103,40 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 _RESERVED = ("file", "allow_pickle")
 
 
-def rename_files(plain: dict[str, Any], renamed: Callable[[str, str], str]) -> dict[str, Any]:
+def rename_files(plain: dict[str, Any], new_name: Callable[[str, str], str]) -> dict[str, Any]:
     """A document in which the files that its entries name have other names.
 
     ``renamed`` gives the new name for a key of :data:`FILE_KEYS` and the old one.
     """
-    found = dict(plain)
+    result = dict(plain)
     for key in ("blocks", *FILE_SECTIONS):
         if isinstance(plain.get(key), dict):
-            found[key] = {
-                name: _renamed(entry, renamed) if isinstance(entry, dict) else entry
+            result[key] = {
+                name: _rename_files_of(entry, new_name) if isinstance(entry, dict) else entry
                 for name, entry in plain[key].items()
             }
-    return found
+    return result
 
 
-def _renamed(entry: dict[str, Any], renamed: Callable[[str, str], str]) -> dict[str, Any]:
+def _rename_files_of(entry: dict[str, Any], new_name: Callable[[str, str], str]) -> dict[str, Any]:
     """An entry, the settings and the inner blocks of a block included."""
     if isinstance(entry.get("blocks"), dict):
         inner = {"blocks": entry["blocks"]}
-        entry = {**entry, **rename_files(inner, renamed)}
-    found = dict(entry)
+        entry = {**entry, **rename_files(inner, new_name)}
+    result = dict(entry)
     for key, value in entry.items():
         if key in FILE_KEYS and isinstance(value, str):
-            found[key] = renamed(key, value)
+            result[key] = new_name(key, value)
+        # A setting of a block, such as a neuron model of a user's file.
         elif isinstance(value, dict) and isinstance(value.get("module"), str):
-            found[key] = {**value, "module": renamed("module", value["module"])}
-    return found
+            result[key] = {**value, "module": new_name("module", value["module"])}
+    return result
 
 
 def in_order(plain: dict[str, Any]) -> dict[str, Any]:
     """A graph's plain values with the sections in the order in which they are written."""
-    ordered = {key: plain[key] for key in WRITTEN_ORDER if key in plain}
-    return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
+    result = {key: plain[key] for key in WRITTEN_ORDER if key in plain}
+    return {**result, **{key: value for key, value in plain.items() if key not in result}}
 
 
 def expected_form(name: str) -> str:
@@ -175,18 +183,18 @@ def section(
 def strings(
     node: Node | None, address: str, what: str, problems: Problems
 ) -> list[tuple[Node, str]]:
-    """The nodes of a text or a list of texts, each with its address."""
+    """The nodes of a string or a list of strings, each with its address."""
     if node is None:
         return []
     items = node.value if node.is_list else [node]
-    found = []
+    pairs = []
     for i, item in enumerate(items):
         place = f"{address}[{i}]" if node.is_list else address
         if isinstance(item.value, str):
-            found.append((item, place))
+            pairs.append((item, place))
         else:
             problems.add(item.where, place, f"expected {what}, got {item.describe()}")
-    return found
+    return pairs
 
 
 def closest(name: str, known: Iterable[str]) -> str:
@@ -197,8 +205,9 @@ def closest(name: str, known: Iterable[str]) -> str:
 
 def misspelt_keys(node: Node, known: Iterable[str]) -> set[str]:
     """Known keys that are missing because they are misspelt."""
-    written = {name for name, _ in node.items()}
-    return {closest(name, known) for name in written.difference(known)} - written
+    names = {name for name, _ in node.items()}
+    # 'block:' is reported as unknown; without this, 'blocks' would be reported as missing as well.
+    return {closest(name, known) for name in names.difference(known)} - names
 
 
 def name_problem(name: str, is_probe: bool) -> str:

@@ -1,4 +1,10 @@
-"""Substitution of ``$names`` by the values of ``params``."""
+"""Substitution of ``$names`` by the values of ``params``; nothing is evaluated.
+
+In: a graph or part and its params. Out: the same tree with values in place of names, each with the
+position of the param, where a wrong value has to be corrected::
+
+    params: {v: 1.5}   blocks: {lqr: {v_r: $v}}    ->    blocks: {lqr: {v_r: 1.5}}
+"""
 
 from __future__ import annotations
 
@@ -25,6 +31,7 @@ def fill_sections(
     address : of the graph in the document: '' or ``blocks.adaptive``.
     """
     prefix = f"{address}." if address else ""
+    # With 'param:' for 'params:' every name would be unknown; the misspelling is reported alone.
     params: dict[str, Node] | None = None if "params" in misspelt_keys(document, SECTIONS) else {}
     if declared is not None and declared.value is not None:
         params = dict(declared.items()) if declared.is_map else None
@@ -39,6 +46,7 @@ def fill_sections(
             fill = filler.blocks if name == "blocks" else filler.fill
             document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
     for name, node in (params or {}).items():
+        # An unused 'gain' and an unknown '$gian' are one mistake, reported at the name.
         if name not in filler.used and not hint(name, filler.missing):
             suggestion = hint(name, filler.used) or "; remove it, or write it as a value"
             problems.add(node.key, f"{prefix}params.{name}", f"${name} is not used{suggestion}")
@@ -59,37 +67,37 @@ def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, 
     notes = []
     blocks, old = (each.get("blocks") or Node({}) for each in (after, before))
     for name, entry in blocks.items():
-        known = old.get(name)
+        old_entry = old.get(name)
         # What was not changed is the same object.
-        if known is not None and known is not entry and is_part(entry):
+        if old_entry is not None and old_entry is not entry and is_part(entry):
             inner = f"{address}.{name}".lstrip(".")
-            kept, more = without_unused(known, entry, inner)
+            part, more = without_unused(old_entry, entry, inner)
             notes += more
-            blocks = blocks.with_item(name, kept) if more else blocks
+            blocks = blocks.with_item(name, part) if more else blocks
     if notes:
         after = after.with_item("blocks", blocks)
     declared = after.get("params")
     params = [name for name, _ in declared.items()] if declared is not None else []
-    used = _used(after) if params else set()
+    used = _references_of(after) if params else set()
     unused = set(params) - used
-    for name in sorted(unused & _used(before) if unused else ()):
+    for name in sorted(unused & _references_of(before) if unused else ()):
         declared = declared.with_item(name, None) if declared is not None else None
         place = f"{address}.params.{name}".lstrip(".")
         notes.append(f"{place} is left out: nothing uses ${name} after the change")
     return after if not unused else after.with_item("params", declared), notes
 
 
-def _used(graph: Node) -> set[str]:
+def _references_of(graph: Node) -> set[str]:
     """The params that a graph refers to; inside a part, names are its own."""
-    found = []
+    nodes = []
     for key, node in graph.items():
         if key == "blocks":
             for entry in dict(node.items()).values():
                 inside = (entry.get(each) for each in ("params", "repeat", "share"))
-                found += [n for n in inside if n is not None] if is_part(entry) else [entry]
+                nodes += [n for n in inside if n is not None] if is_part(entry) else [entry]
         elif key not in ("params", "part"):
-            found.append(node)
-    return {item.value[1:] for node in found for item in _references(node)}
+            nodes.append(node)
+    return {item.value[1:] for node in nodes for item in _references(node)}
 
 
 def _references(node: Node) -> Iterator[Node]:
@@ -115,13 +123,15 @@ class _Filler:
         """Whether a value holds another param; a shared part of it is looked through once."""
         if not isinstance(node.value, (dict, list)):
             return any(_references(node))
-        known = self._known.get(id(node.value))
-        if known is None:
+        entry = self._known.get(id(node.value))
+        if entry is None:
             items = node.value if node.is_list else [item for _, item in node.items()]
-            known = node.value, any(map(self._has_references, items))
-            self._known[id(node.value)] = known
-        return known[1]
+            entry = node.value, any(map(self._has_references, items))
+            self._known[id(node.value)] = entry
+        return entry[1]
 
+    # Params in params would need an order, and could be circular; a part's params may name those of
+    # the graph around it, which are filled in before the part is opened.
     def refuse_nested(self) -> None:
         for name, node in (self.params or {}).items():
             for bad in _references(node):
@@ -140,10 +150,10 @@ class _Filler:
                 entries[name] = self.fill(entry, inner)
                 continue
             for key in ("params", "repeat", "share"):
-                if (given := entry.get(key)) is not None:
-                    filled = self.fill(given, f"{inner}.{key}")
-                    self.work.check(filled, given.where, f"{inner}.{key}")
-                    entries[name] = entries[name].with_item(key, filled)
+                if (node_of_key := entry.get(key)) is not None:
+                    value = self.fill(node_of_key, f"{inner}.{key}")
+                    self.work.check(value, node_of_key.where, f"{inner}.{key}")
+                    entries[name] = entries[name].with_item(key, value)
         return Node(entries, node.where, node.key)
 
     def fill(self, node: Node, address: str) -> Node:
@@ -158,16 +168,17 @@ class _Filler:
 
     def value(self, name: str, node: Node, address: str) -> Node:
         """The value of a param, with the position where it is written, not where it is used."""
-        found = (self.params or {}).get(name)
-        if found is not None and found.value is not None:
+        param = (self.params or {}).get(name)
+        if param is not None and param.value is not None:
             self.used.add(name)
-            self.work.substitute(name, found, node.where, address)
-            if self._has_references(found):
-                self.problems.silence(found.where, address)
-            return Node(found.value, found.where, node.key)
-        if found is not None:
+            self.work.substitute(name, param, node.where, address)
+            # Reported by refuse_nested: what the value does to its block is no news.
+            if self._has_references(param):
+                self.problems.silence(param.where, address)
+            return Node(param.value, param.where, node.key)
+        if param is not None:
             self.used.add(name)
-            self.problems.add(found.key, address, f"param '{name}' has no value")
+            self.problems.add(param.key, address, f"param '{name}' has no value")
         elif self.params is not None:
             self.missing.add(name)
             known = hint(name, self.params) or f"; params: {', '.join(self.params) or 'none'}"

@@ -19,6 +19,7 @@ TIME_UNITS: Mapping[str, str] = {
     "min": "1/min",
     "h": "1/h",
 }
+# An s that stands for a unit by itself: in m/s and 1/s^2, not in spikes or rad_s.
 _SECONDS = re.compile(r"(?<![^\W\d])s(?![^\W])")
 _HERTZ = re.compile(r"(?<!\w)Hz(?!\w)")
 
@@ -46,5 +47,6 @@ def rate_text(period: float, time_unit: str) -> str:
     if time_unit in ("min", "h"):
         return f"every {period:.4g} {time_unit}"
     rate, unit = 1.0 / period, TIME_UNITS[time_unit]
+    # With four digits, 999.95 and more print as 1000: the next unit.
     larger = dict(zip(("Hz", "kHz", "MHz", "GHz"), ("kHz", "MHz", "GHz", "THz"), strict=True))
     return f"{rate / 1000.0:.4g} {larger[unit]}" if rate >= 999.95 else f"{rate:.4g} {unit}"

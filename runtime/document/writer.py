@@ -1,4 +1,11 @@
-"""Plain values as YAML text that gives equal values under YAML 1.2 and 1.1."""
+"""Plain values as YAML text that gives equal values under YAML 1.2 and 1.1.
+
+In: dicts, lists and scalars. Out: text that :func:`runtime.document.node.parse_yaml` and other
+tools read alike::
+
+    dump_yaml({"seed": 7, "title": "on", "rate": 1e-05})
+    # {seed: 7, title: 'on', rate: 1.0e-05}
+"""
 
 from __future__ import annotations
 
@@ -17,7 +24,7 @@ _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 def dump_yaml(value: Any) -> str:
     """Plain values as YAML from which :func:`parse_yaml` reads equal values."""
-    return _Writer.text(value)
+    return _YamlDumper.text(value)
 
 
 def flow_yaml(value: Any) -> str:
@@ -30,23 +37,23 @@ def flow_yaml(value: Any) -> str:
         return _float_text(value)
     if isinstance(value, str):
         plain = _PLAIN.fullmatch(value) and is_text(value)
-        return value if plain else f'"{"".join(map(_escaped, value))}"'
+        return value if plain else f'"{"".join(map(_escape, value))}"'
     return json.dumps(value)  # integers, true, false and null are the same in JSON
 
 
-def _escaped(c: str) -> str:
+def _escape(c: str) -> str:
     """A character as written between double quotes."""
     if c in '"\\':
         return f"\\{c}"
     return c if c.isprintable() else f"\\U{ord(c):08x}"
 
 
-class _Writer(_DUMPER):  # type: ignore[misc, valid-type]
+class _YamlDumper(_DUMPER):  # type: ignore[misc, valid-type]
     """Flow style for lists and mappings of scalars, block style for the rest."""
 
     @classmethod
     def text(cls, value: Any) -> str:
-        dumped: str = yaml.dump(
+        text: str = yaml.dump(
             value,
             Dumper=cls,
             sort_keys=False,
@@ -54,9 +61,10 @@ class _Writer(_DUMPER):  # type: ignore[misc, valid-type]
             allow_unicode=True,
             default_flow_style=None,
         )
-        return dumped
+        return text
 
     def ignore_aliases(self, data: Any) -> bool:
+        # yaml would write an anchor where a list occurs twice; people edit this text.
         return True
 
 
@@ -75,9 +83,10 @@ def _float_text(number: float) -> str:
         return ".nan"
     if math.isinf(number):
         return ".inf" if number > 0 else "-.inf"
+    # YAML 1.1 reads 1e-05 as a string: its floats need a dot.
     mantissa, e, exponent = repr(number).partition("e")
     return mantissa + (".0" if "." not in mantissa else "") + e + exponent
 
 
-_Writer.add_representer(str, _represent_text)
-_Writer.add_representer(float, _represent_float)
+_YamlDumper.add_representer(str, _represent_text)
+_YamlDumper.add_representer(float, _represent_float)

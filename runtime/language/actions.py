@@ -125,7 +125,7 @@ def _unused_name(model: Model, name: str) -> str:
 
 
 def _quotes(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
-    """``a text that contains ': ' needs quotes``"""
+    """``a string that contains ': ' needs quotes``"""
     match, source = _QUOTES.search(diagnostic.message), model.text.source
     if match is not None:
         entry = f"{match[1]}: {match[2][1:-1]}"

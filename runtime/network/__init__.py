@@ -1,6 +1,15 @@
 """The network of a document: blocks constructed, wires resolved, types and units checked.
 
-:func:`build` returns a frozen :class:`Network` and collects every problem with its location.
+In: a complete document. Out: a frozen :class:`Network`, and every problem with its location. One
+room for each step, in this order:
+
+    expansion     $names filled in, a scope for each part     (repetition: copies of a part)
+    block_types   names of types -> classes                   build: blocks constructed
+    wiring        addresses -> wires between blocks           (addresses, components)
+    removal       without, bypass                             (replacement: --replace, before)
+    inference     signal types and lengths along the wires    (shapes)
+    units         units that contradict each other            open_inputs: what lacks a wire
+    enabling      parts that are switched                     initial: states of earlier runs
 """
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range

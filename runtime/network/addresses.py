@@ -1,4 +1,11 @@
-"""Addresses in a graph: ``plant.pose.theta``, ``adaptive.command``, ``snn.spikes``."""
+"""Addresses in a graph: ``plant.pose.theta``, ``adaptive.command``, ``snn.spikes``.
+
+In: an address and the scope in which it is written. Out: the block, port and component at its end,
+followed through the ports of parts::
+
+    adaptive.command             with outputs: {command: join.out} in the part 'adaptive'
+    -> Endpoint("adaptive.join", "out")
+"""
 
 from __future__ import annotations
 
@@ -10,8 +17,10 @@ from runtime.document import Node
 from runtime.errors import Location
 from runtime.network.scope import Scope
 
+# More than an address can pass: parts nest up to 50 deep, each with an input and an output.
 MAX_HOPS = 100
 _BRACKETS = re.compile(r"([^\[\]]+)\[([^\[\]]*)\]")
+# What is meant as a component, and the ranges that are one: 0:2 and :2, but not 00:2.
 _RANGE = re.compile(r"(0|[1-9][0-9]{0,8})?:(0|[1-9][0-9]{0,8})?")
 _INDEX = re.compile(r"[0-9]+|[0-9]*:[0-9]*", re.ASCII)
 
@@ -79,17 +88,19 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
         scope = scope.parts[names.pop(0)]
     head, rest = names[0], names[1:]
     # From outside, 'part.k' and 'part.k[1]' are the output k, even if a block inside is named k.
-    given = scope is not start and head in scope.outputs
-    if head in scope.blocks and not (given and all(map(_INDEX.fullmatch, rest))):
-        found = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
-        return _component(found, rest[1:], text)
+    is_output = scope is not start and head in scope.outputs
+    if head in scope.blocks and not (is_output and all(map(_INDEX.fullmatch, rest))):
+        target = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
+        return _component(target, rest[1:], text)
+    # Reported where the block is written; what the address would be is not known.
     if head in scope.broken:
         raise ReportedError
     if head == "inputs" and scope is start and scope.parent is not None:
         return _from_outside(scope, rest, text, depth)
-    if given:
+    if is_output:
         address = scope.path("outputs", head)
         return _component(_hop(scope, scope.outputs[head], address, depth), rest, text)
+    # The name may well be in a section that could not be read.
     if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):
         raise ReportedError
     raise AddressError(_missing(start, scope, head))
@@ -113,12 +124,12 @@ def _split(text: str) -> list[str]:
     return [*match[1].split("."), inner]
 
 
-def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
+def _component(target: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
     if not rest:
-        return found
-    if len(rest) > 1 or (found.end.component and not is_range(found.end.component)):
+        return target
+    if len(rest) > 1 or (target.end.component and not is_range(target.end.component)):
         raise AddressError(f"'{text}' has too many parts; expected block.output.component")
-    return replace(found, end=replace(found.end, component=within(found.end.component, rest[0])))
+    return replace(target, end=replace(target.end, component=within(target.end.component, rest[0])))
 
 
 def is_range(component: str) -> bool:
@@ -133,7 +144,10 @@ def bounds(component: str) -> tuple[int, int | None] | None:
 
 
 def within(outer: str, inner: str) -> str:
-    """The component of a signal that ``inner`` is of its component ``outer``."""
+    """The component of a signal that ``inner`` is of its component ``outer``.
+
+    ``within("2:6", "1:3")`` is ``3:5``, and ``within("2:6", "1")`` is ``3``.
+    """
     if not outer or not inner:
         return outer or inner
     ends = bounds(outer)
@@ -148,7 +162,7 @@ def within(outer: str, inner: str) -> str:
 
 
 def relative(outer: str, component: str) -> str:
-    """The inverse of :func:`within`: what is to be taken of ``outer`` to have a component."""
+    """The inverse of :func:`within`: ``relative("2:6", "3:5")`` is ``1:3``."""
     ends = bounds(outer)
     if not outer or component == outer or ends is None:
         return component if not outer else ""
@@ -163,11 +177,11 @@ def _hop(scope: Scope, node: Node, address: str, depth: int) -> ResolvedAddress:
     if not isinstance(node.value, str):
         raise ReportedError
     try:
-        found = find(scope, node.value, depth + 1)
+        target = find(scope, node.value, depth + 1)
     except AddressError as error:
         error.location = error.location or (node.where, address)
         raise
-    return replace(found, location=found.location or (node.where, address))
+    return replace(target, location=target.location or (node.where, address))
 
 
 def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> ResolvedAddress:
@@ -185,8 +199,8 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
     if wire is None:
         raise UnwiredError(scope, rest[0])
     address = f"{scope.parent.path('wires', scope.name)}.{rest[0]}"
-    found = _hop(scope.parent, wire, address, depth)
-    return _component(replace(found, via=(scope.prefix + rest[0], *found.via)), rest[1:], text)
+    target = _hop(scope.parent, wire, address, depth)
+    return _component(replace(target, via=(scope.prefix + rest[0], *target.via)), rest[1:], text)
 
 
 def _missing(start: Scope, scope: Scope, head: str) -> str:

@@ -1,4 +1,9 @@
-"""Block types: from a name in a graph to a class of the library or of the user."""
+"""Block types: from a name in a graph to a class of the library or of the user.
+
+In: an entry such as ``{type: Mine, module: mine.py}``. Out: its class; None, and a problem with a
+suggestion, if there is none. Importing a user's file may run anything, so each failure of it is a
+problem at the entry, and ``modules`` says whether files are imported at all.
+"""
 
 from __future__ import annotations
 
@@ -43,44 +48,52 @@ def block_class(
 
     With ``modules=False`` blocks with a ``module`` are refused, and nothing is imported.
     """
-    written = node.get("type")
-    if written is None or not isinstance(written.value, str):
-        got = "" if written is None else f", got {written.describe()}"
-        where = node.key if written is None else written.where
-        misspelt = node.get(closest("type", [key for key, _ in node.items()]))
-        if written is None and misspelt is not None:
-            where = misspelt.key
-        message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
-        problems.add(where, address, message)
+    type_node = node.get("type")
+    if type_node is None or not isinstance(type_node.value, str):
+        _report_no_type(node, address, problems)
         return None
     module = node.get("module")
     if module is not None and not modules:
-        _refused(module, written, f"{address}.type", problems)
+        _report_refusal(module, type_node, f"{address}.type", problems)
         return None
     own: Mapping[str, type[Block]] | None = {}
     if module is not None:
-        own = _imported(module, address, problems, _reader(modules).blocks)
+        own = _import_file(module, address, problems, _reader(modules).blocks)
     if own is None:
         return None
+    # The nearest first; the library and packages come last: to install one changes no graph.
     for library in (own, classes):
-        if written.value in library:
-            return library[written.value]
+        if type_node.value in library:
+            return library[type_node.value]
     try:
-        offered = BLOCKS.find(written.value)
+        installed = BLOCKS.find(type_node.value)
     except BrokenPackageError as error:
-        problems.add(written.where, f"{address}.type", str(error))
+        problems.add(type_node.where, f"{address}.type", str(error))
         return None
-    if offered is not None:
-        return offered
+    if installed is not None:
+        return installed
     if module is None:
         known = [*classes, *BLOCKS.names()]
-        suggestion = ours_for(written.value) or hint(written.value, known)
+        suggestion = ours_for(type_node.value) or hint(type_node.value, known)
     else:
         defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
-        suggestion = hint(written.value, own) or defined
+        suggestion = hint(type_node.value, own) or defined
     suggestion = suggestion or "; see 'runtime blocks'; your own block needs 'module: file.py'"
-    problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{suggestion}")
+    problems.add(
+        type_node.where, f"{address}.type", f"no block type '{type_node.value}'{suggestion}"
+    )
     return None
+
+
+def _report_no_type(node: Node, address: str, problems: Problems) -> None:
+    type_node = node.get("type")
+    got = "" if type_node is None else f", got {type_node.describe()}"
+    where = node.key if type_node is None else type_node.where
+    misspelt = node.get(closest("type", [key for key, _ in node.items()]))
+    if type_node is None and misspelt is not None:
+        where = misspelt.key
+    message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
+    problems.add(where, address, message)
 
 
 def own_variant(
@@ -95,56 +108,63 @@ def own_variant(
 
 
 def own_object(
-    node: Node, kind: type[Object], wanted: str, address: str, problems: Problems, modules: Modules
+    node: Node,
+    kind: type[Object],
+    expectation: str,
+    address: str,
+    problems: Problems,
+    modules: Modules,
 ) -> tuple[Object, dict[str, bytes]] | None:
     """What an entry with a ``module`` names as its ``kind``, and the files that were run for it.
 
     None, and a problem, if there is none; None alone if another process reads modules.
     """
     read = partial(objects_of_module, kind=kind)
-    return _named_of_file(node, "kind", wanted, read, address, problems, modules)
+    return _named_of_file(node, "kind", expectation, read, address, problems, modules)
 
 
 def _named_of_file(
     node: Node,
     key: str,
-    wanted: str,
+    expectation: str,
     read: Callable[[Path], Mapping[str, Kind]],
     address: str,
     problems: Problems,
     modules: Modules,
 ) -> Kind | None:
     """What the entry ``key`` names among what ``read`` finds in the file under ``module``."""
-    module, written = node.value["module"], node.get(key)
+    module, name_node = node.value["module"], node.get(key)
     if not modules:
-        _refused(module, written or node, f"{address}.{key}", problems)
+        _report_refusal(module, name_node or node, f"{address}.{key}", problems)
         return None
     if isinstance(modules, ModuleReader):
         return None
-    own = _imported(module, address, problems, read)
+    own = _import_file(module, address, problems, read)
     if own is None:
         return None
-    name = None if written is None else written.value
+    name = None if name_node is None else name_node.value
     if isinstance(name, str) and name in own:
         return own[name]
-    defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
-    got = "nothing" if written is None else written.describe() + (hint(name, own) or defined)
-    message = f"expected {wanted} of that file, got {got}{defined * (written is None)}"
-    problems.add(node.where if written is None else written.where, f"{address}.{key}", message)
+    definitions = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
+    got = (
+        "nothing" if name_node is None else name_node.describe() + (hint(name, own) or definitions)
+    )
+    message = f"expected {expectation} of that file, got {got}{definitions * (name_node is None)}"
+    problems.add(node.where if name_node is None else name_node.where, f"{address}.{key}", message)
     return None
 
 
-def _refused(module: Node, written: Node, address: str, problems: Problems) -> None:
+def _report_refusal(module: Node, name_node: Node, address: str, problems: Problems) -> None:
     message = f"'{short_path(module)}' was not imported, since modules are refused (--no-modules)"
-    problems.add(written.where, address, f"{message}; its types are unknown")
+    problems.add(name_node.where, address, f"{message}; its types are unknown")
 
 
 def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]]) -> bool:
     """Whether ``block.input`` is known to take several wires."""
     name, _, port = target.partition(".")
     entry = (document.get("blocks") or Node({})).get(name) or Node({})
-    written = entry.get("type") or Node("")
-    cls = {**BUILTIN, **classes}.get(str(written.value))
+    type_node = entry.get("type") or Node("")
+    cls = {**BUILTIN, **classes}.get(str(type_node.value))
     declared = cls.spec.inputs.get(port) if cls is not None else None
     return declared is not None and bool(declared.variadic)
 
@@ -155,8 +175,8 @@ def _reader(modules: Modules) -> ModuleReader:
 
 def relative_with(cls: type[Block], name: str) -> str:
     """A type of the library that has a parameter or input, and the type's name in its own."""
-    for other, found in BUILTIN.items():
-        has = name in found.spec.params or name in found.spec.inputs
+    for other, cls_of_other in BUILTIN.items():
+        has = name in cls_of_other.spec.params or name in cls_of_other.spec.inputs
         if has and other != cls.__name__ and cls.__name__ in other:
             return other
     return ""
@@ -178,7 +198,7 @@ def short_path(module: Node) -> str:
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
-def _imported(
+def _import_file(
     node: Node, address: str, problems: Problems, read: Callable[[Path], Mapping[str, Kind]]
 ) -> Mapping[str, Kind] | None:
     """What ``read`` finds in a Python file; None, and a problem, if that fails."""

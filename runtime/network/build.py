@@ -1,4 +1,11 @@
-"""From names to a checked network: blocks constructed, wires resolved, types inferred."""
+"""From names to a checked network: blocks constructed, wires resolved, types inferred.
+
+In: a complete document. Out: a :class:`Network` and, in ``problems``, everything wrong with it. It
+goes on after a problem as far as the rest can be judged: a block that cannot be constructed is in
+the network without an object, so that the wires to it are still checked::
+
+    blocks: {lqr: {type: LQR, q: -1}}   ->   entries["lqr"].block_or_none is None, one problem
+"""
 
 from __future__ import annotations
 
@@ -63,12 +70,23 @@ def build(
     Returns
     -------
     tuple : the network, and the extra that one of its blocks needs and that is not installed.
+
+    Notes
+    -----
+    The order of the steps decides what can be reported:
+
+    * Blocks are removed after all wires are resolved, so that a message can say which input
+      ``without`` leaves open, and before types are inferred, on which they must have no influence.
+    * Units are compared only where all types are right: a component's unit comes from its type.
+    * Open types are reported only where nothing else is wrong, which is usually their reason.
+    * States of earlier runs come last: their shapes are compared with those that types determine.
     """
     scope, document = expand(document, problems)
     before = len(problems.items)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
     network = Network(title, **vars(run), scope=scope, document=document, world=world)
+    # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
     network = _with_blocks(network, classes or {}, kinds or {}, problems, modules, block_cache)
     wiring = Wiring(network, problems)
@@ -103,10 +121,10 @@ def build(
 def _unused_solver(network: Network) -> list[str]:
     """A note if the graph sets a solver that has nothing to integrate."""
     run = network.document.get("run")
-    written = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
-    if not written or any(entry.cls.spec.continuous for entry in network.entries.values()):
+    keys = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
+    if not keys or any(entry.cls.spec.continuous for entry in network.entries.values()):
         return []
-    return [f"run.{written[0]}: not used, since no block has continuous states to integrate"]
+    return [f"run.{keys[0]}: not used, since no block has continuous states to integrate"]
 
 
 def _world(document: Node, problems: Problems) -> World | None:
@@ -125,13 +143,13 @@ def _world(document: Node, problems: Problems) -> World | None:
         return None
     except ParameterError as error:
         for address, text in error.problems:
-            found = node
+            place = node
             for name in re.findall(r"\w+", address):
-                inner = found.get(name) if found.is_map else None
-                if found.is_list and name.isdigit() and int(name) < len(found.value):
-                    inner = found.value[int(name)]
-                found = found if inner is None else inner
-            problems.add(found.where, f"world.{address}".rstrip("."), text)
+                inner = place.get(name) if place.is_map else None
+                if place.is_list and name.isdigit() and int(name) < len(place.value):
+                    inner = place.value[int(name)]
+                place = place if inner is None else inner
+            problems.add(place.where, f"world.{address}".rstrip("."), text)
         return None
 
 
@@ -172,16 +190,17 @@ def _with_blocks(
     block_cache: BlockCache | None,
 ) -> Network:
     """The network with its blocks, constructed once all classes and signal types are known."""
-    found = []
+    definitions = []
     for scope in network.scope.walk():
         for name, node in scope.blocks.items():
             cls = block_class(node, scope.path("blocks", name), classes, problems, modules)
             if cls is not None:
-                found.append(_Definition(scope, name, node, cls))
-    own = _signal_types(found, kinds, problems, modules)
+                definitions.append(_Definition(scope, name, node, cls))
+    # All classes first: a parameter may name a signal type that another block's module defines.
+    own = _signal_types(definitions, kinds, problems, modules)
     entries, notes = {}, []
-    for definition in found:
-        block, seen = _constructed(definition, own, problems, block_cache, modules)
+    for definition in definitions:
+        block, block_notes = _construct(definition, own, problems, block_cache, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network, definition.address, problems)
@@ -190,19 +209,19 @@ def _with_blocks(
             message = "its states are continuous and integrated over every step; leave dt out"
             problems.add(node.where, f"{definition.address}.dt", message)
         entries[full] = NetworkEntry(full, scope, node, definition.cls, block, every, sampled)
-        notes += seen
+        notes += block_notes
     return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
 
 
 def _signal_types(
-    found: Iterable[_Definition],
+    definitions: Iterable[_Definition],
     kinds: Mapping[str, SignalType],
     problems: Problems,
     modules: Modules,
 ) -> dict[str, SignalType]:
     """The signal types that the blocks' classes and modules define, beside those given."""
     types = dict(kinds)
-    for definition in found:
+    for definition in definitions:
         for kind in own_types(definition.cls, definition.node, modules):
             if types.setdefault(kind.name, kind) != kind or kind.name in TYPES:
                 message = (
@@ -213,7 +232,7 @@ def _signal_types(
     return types
 
 
-def _constructed(
+def _construct(
     definition: _Definition,
     own: Mapping[str, SignalType],
     problems: Problems,
@@ -223,56 +242,68 @@ def _constructed(
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
     values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
-    known = cls.spec.params
-    unknown = [key for key in values if key not in known]
+    params = cls.spec.params
+    unknown = [key for key in values if key not in params]
     for key in unknown:
-        suggestion = hint(key, known) or f"; it has {', '.join(known) or 'none'}"
-        base, bracket, rest = key.partition("[")
-        if bracket and base in known and rest.removesuffix("]").isdecimal():
-            suggestion = f"; one of its numbers is named {base}.{rest.removesuffix(']')}"
-        if key[:1].isdecimal() and values[key].value is None and key != next(iter(values)):
-            before = list(values)[list(values).index(key) - 1]
-            whole = values[before].plain()
-            suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
-        elif relative := relative_with(cls, key):
-            suggestion = f"; the block with this parameter is a {relative}"
-        elif key == "repeat":
-            suggestion = "; only parts are repeated: put the block into one"
-            suggestion += ", or use groups" if "groups" in known else ""
-        elif key == "graph":
-            suggestion = "; parts are read with the file that names them"
-        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
+        message = f"unknown parameter{_instead_of(key, values, cls)}"
+        problems.add(values[key].key, f"{address}.{key}", message, True)
     try:
-        given = _given({k: item for k, item in values.items() if k in known}, cls, own)
-        if not _take_variants(given, definition, problems, modules):
+        parameters = _parameter_values(
+            {k: item for k, item in values.items() if k in params}, cls, own
+        )
+        if not _take_variants(parameters, definition, problems, modules):
             return None, []
-        block = _cached_block(cls, given, block_cache)
+        block = _cached_block(cls, parameters, block_cache)
+        # A user's methods, called here so that what they raise is reported with the block.
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
     except ParameterError as error:
-        misspelt = {closest(key, known) for key in unknown}
+        # A required parameter that is missing because its key is misspelt is one mistake.
+        misspelt = {closest(key, params) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
                 where = place_of(node, parameter)
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
-        problems.add(node.key, address, _failed(cls, error))
+        problems.add(node.key, address, _failure(cls, error))
     return None, []
 
 
-def _cached_block(cls: type[Block], given: dict[str, Any], block_cache: BlockCache | None) -> Block:
+def _instead_of(key: str, values: Mapping[str, Node], cls: type[Block]) -> str:
+    """What to write instead of a parameter that a block does not have."""
+    params = cls.spec.params
+    base, bracket, rest = key.partition("[")
+    if bracket and base in params and rest.removesuffix("]").isdecimal():
+        return f"; one of its numbers is named {base}.{rest.removesuffix(']')}"
+    # A decimal comma: YAML reads {gain: 0,5} as gain: 0 and a key 5 without a value.
+    if key[:1].isdecimal() and values[key].value is None and key != next(iter(values)):
+        before = list(values)[list(values).index(key) - 1]
+        return f"; a decimal point is a dot, as in {before}: {values[before].plain()}.{key}"
+    if relative := relative_with(cls, key):
+        return f"; the block with this parameter is a {relative}"
+    if key == "repeat":
+        suggestion = "; only parts are repeated: put the block into one"
+        return suggestion + (", or use groups" if "groups" in params else "")
+    if key == "graph":
+        return "; parts are read with the file that names them"
+    return hint(key, params) or f"; it has {', '.join(params) or 'none'}"
+
+
+def _cached_block(
+    cls: type[Block], parameters: dict[str, Any], block_cache: BlockCache | None
+) -> Block:
     """A block with these parameters, the one that was constructed before if there is one."""
     if block_cache is None:
-        return cls(**given)
+        return cls(**parameters)
     # The values' printed form is the key, since lists and nested mappings cannot be hashed.
-    key = (cls, repr(given))
+    key = (cls, repr(parameters))
     block = block_cache.get(key)
     if block is None:
-        block = block_cache[key] = cls(**given)
+        block = block_cache[key] = cls(**parameters)
     return block
 
 
-def _given(
+def _parameter_values(
     values: Mapping[str, Node], cls: type[Block], own: Mapping[str, SignalType]
 ) -> dict[str, Any]:
     """The parameters as a block takes them, with the graph's own signal types looked up.
@@ -293,11 +324,11 @@ def _given(
 
 
 def _take_variants(
-    given: dict[str, Any], definition: _Definition, problems: Problems, modules: Modules
+    parameters: dict[str, Any], definition: _Definition, problems: Problems, modules: Modules
 ) -> bool:
     """Replace the names of settings that a Python file defines by their classes."""
-    for key, declared in definition.cls.spec.params.items():
-        node, family = definition.node.get(key), declared.setting
+    for key, param in definition.cls.spec.params.items():
+        node, family = definition.node.get(key), param.setting
         if node is None or not node.is_map or node.get("module") is None:
             continue
         if family is None or not issubclass(family, Variant):
@@ -305,12 +336,12 @@ def _take_variants(
         address = f"{definition.address}.{key}"
         cls = own_variant(node, family, address, problems, modules)
         if cls is None and isinstance(modules, ModuleReader):
-            del given[key]  # an editor reads no such classes: the default stands for it
+            del parameters[key]  # an editor reads no such classes: the default stands for it
         elif cls is None:
             return False
         else:
-            rest = {name: value for name, value in given[key].items() if name != "module"}
-            given[key] = {**rest, family.key: cls}
+            rest = {name: value for name, value in parameters[key].items() if name != "module"}
+            parameters[key] = {**rest, family.key: cls}
     return True
 
 
@@ -329,7 +360,7 @@ def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) ->
     return notes
 
 
-def _failed(cls: type[Block], error: BaseException) -> str:
+def _failure(cls: type[Block], error: BaseException) -> str:
     place = raised_at(error)
     return f"{cls.__name__} failed: {type(error).__name__}: {error}{f' ({place})' if place else ''}"
 
@@ -341,6 +372,7 @@ def _ticks(node: Node | None, network: Network, address: str, problems: Problems
         return 1
     base, unit = network.dt, network.time_unit
     ratio = value / base
+    # 0.3 / 0.1 is 2.9999999999999996: whole numbers up to rounding count.
     whole = round(ratio) if ratio < MAX_TICKS else 0
     if whole < 1 or abs(ratio - whole) > 1e-6:
         near = max(1, whole) * base
@@ -351,7 +383,7 @@ def _ticks(node: Node | None, network: Network, address: str, problems: Problems
     return whole
 
 
-def _misshapen(network: Network, name: str) -> str:
+def _shape_problem(network: Network, name: str) -> str:
     """Which of a block's arrays cannot be allocated, and why; '' if all can."""
     spec = network.entries[name].cls.spec
     for key in (*spec.states, *spec.outputs):
@@ -360,20 +392,21 @@ def _misshapen(network: Network, name: str) -> str:
         if any(n < 0 for n in shape):
             return f"state '{key}' has a negative length"
         if size > MAX_BYTES:
+            # A product of integers has no limit, and a float has.
             return f"'{key}' would take {min(size, 10**300) / 1024**3:.4g} GiB; make it smaller"
     return ""
 
 
-def _miscounted(network: Network, name: str) -> str:
+def _count_problem(network: Network, name: str) -> str:
     """Which variadic input does not have as many wires as its block says; '' if none."""
     entry = network.entries[name]
-    for port, declared in entry.cls.spec.inputs.items():
-        if isinstance(declared.variadic, str):
-            wanted = entry.block.value(declared.variadic)
-            wired = len(network.terms.get((name, port), ()))
-            if wired != wanted:
+    for key, port in entry.cls.spec.inputs.items():
+        if isinstance(port.variadic, str):
+            expected_count = entry.block.value(port.variadic)
+            count = len(network.terms.get((name, key), ()))
+            if count != expected_count:
                 return (
-                    f"input '{port}' takes {declared.variadic} = {wanted} wires, {wired} are "
+                    f"input '{key}' takes {port.variadic} = {expected_count} wires, {count} are "
                     f"connected; change one of the two"
                 )
     return ""
@@ -388,18 +421,18 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
     # A wire from a block of an unknown type is missing for a reason that is reported already.
     removed = {(wire.block, wire.port) for wire in network.removed_wires}
     lost = {at for at, flags in network.terms.items() if not all(flags)}
-    unsettled = {block for block, _ in lost - removed}
+    incomplete = {block for block, _ in lost - removed}
     for name, entry in network.entries.items():
         if (
             entry.block_or_none is None
             or not network.is_typed(name)
             or network.waits(name)
-            or name in unsettled
+            or name in incomplete
         ):
             continue
         try:
             context = network.context(name)
-            message = _miscounted(network, name) or _misshapen(network, name)
+            message = _count_problem(network, name) or _shape_problem(network, name)
             if message:
                 problems.add(entry.node.key, entry.address, message)
                 continue
@@ -411,5 +444,5 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
         except MissingPackageError as error:
             missing = error
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
-            problems.add(entry.node.key, entry.address, _failed(entry.cls, error))
+            problems.add(entry.node.key, entry.address, _failure(entry.cls, error))
     return missing

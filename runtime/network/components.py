@@ -1,4 +1,10 @@
-"""Components of signals, by name, number or range: ``pose.theta``, ``out.1``, ``out[0:2]``."""
+"""Components of signals, by name, number or range: ``pose.theta``, ``out.1``, ``out[0:2]``.
+
+In: a signal type and an address. Out: the type, the columns or the names of the component::
+
+    component_type(Pose, Endpoint("plant", "pose", "theta"))      # Scalar
+    columns(Vector(6), "2:4")                                     # slice(2, 4)
+"""
 
 from __future__ import annotations
 
@@ -15,21 +21,23 @@ def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
     if not end.component:
         return kind
     if is_range(end.component):
-        return _ranged(kind, end.component)
+        return _range_type(kind, end.component)
+    # Not '01', nor digits of other scripts: one component has one name.
     if end.component.isdigit() and end.component != str(_number(end.component)):
         return None
     return Scalar if kind.column(end.component) is not None else None
 
 
-def _ranged(kind: SignalType, component: str) -> SignalType | None:
+def _range_type(kind: SignalType, component: str) -> SignalType | None:
     if kind.form == "scalar" or (kind.form == "array" and kind.components):
         return None
+    # The length is open as yet; the range is checked once it is known.
     if kind.symbol:
         return kind
-    found = columns(kind, component)
-    if not isinstance(found, slice):
+    indices = columns(kind, component)
+    if not isinstance(indices, slice):
         return None
-    length = found.stop - found.start
+    length = indices.stop - indices.start
     return Vector(length) if kind.form == "record" else kind.sized(length)
 
 
@@ -47,8 +55,8 @@ def columns(kind: SignalType, component: str) -> int | slice | None:
 
 def first_column(kind: SignalType, component: str) -> int:
     """The index of a component of a signal, or of the first number of a range."""
-    found = columns(kind, component) if component else 0
-    return found.start if isinstance(found, slice) else int(found or 0)
+    index = columns(kind, component) if component else 0
+    return index.start if isinstance(index, slice) else int(index or 0)
 
 
 def component_names(kind: SignalType, end: Endpoint) -> list[str]:
@@ -56,8 +64,8 @@ def component_names(kind: SignalType, end: Endpoint) -> list[str]:
     if kind.form == "scalar" or (end.component and not is_range(end.component)):
         return [end.component]
     names = list(kind.components) or [str(i) for i in range(kind.shape[0])]
-    found = columns(kind, end.component) if end.component else slice(None)
-    return names[found] if isinstance(found, slice) else []
+    index = columns(kind, end.component) if end.component else slice(None)
+    return names[index] if isinstance(index, slice) else []
 
 
 def _number(text: str) -> int | None:

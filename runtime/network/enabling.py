@@ -1,4 +1,9 @@
-"""Parts that run only at times: which blocks say so, and what they switch."""
+"""Parts that run only at times: which blocks say so, and what they switch.
+
+In: a network. Out: for each block the Enable or Trigger blocks that switch it::
+
+    inner.gain in part outer.inner, each with a block 'on':   ("outer.on", "outer.inner.on")
+"""
 
 from __future__ import annotations
 
@@ -14,7 +19,8 @@ def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
 
     A block that switches a part is itself switched by those of the parts around it only.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
+    # By depth: a part inside of one that is off is off, whatever its own block says.
     enables = sorted(_enables(network), key=lambda entry: (len(entry.scope.prefix), entry.name))
     for name, entry in network.entries.items():
         above = tuple(
@@ -24,8 +30,8 @@ def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
             and not (issubclass(entry.cls, PartEnable) and entry.scope is enable.scope)
         )
         if above:
-            found[name] = above
-    return found
+            result[name] = above
+    return result
 
 
 def resets(network: Network, name: str) -> bool:
@@ -52,6 +58,8 @@ def check_enabling(network: Network, problems: Problems) -> None:
                 problems.add(wire.where, wire.address, message)
         is_momentary = issubclass(enable.cls, PartEnable) and enable.cls.momentary
         for name, entry in network.entries.items():
+            # A solver integrates over the time between ticks; a part that runs on single ticks has
+            # none.
             if is_momentary and name.startswith(prefix) and entry.cls.spec.continuous:
                 message = f"its states are continuous, but '{enable.name}' runs the part on single "
                 message += "ticks; use Enable, or a block in discrete time"

@@ -1,4 +1,10 @@
-"""Opens a document: its sections checked, and a scope made for the graph and for each part."""
+"""Opens a document: its sections checked, and a scope made for the graph and for each part.
+
+In: a document in which files are merged. Out: the top :class:`Scope` and, below it, one for each
+part, in which ``$names`` have their values::
+
+    blocks: {a: {graph: part.yaml, params: {k: 2}}}   ->   top.parts["a"].blocks, with $k = 2
+"""
 
 from __future__ import annotations
 
@@ -19,7 +25,7 @@ from runtime.document import (
     section,
 )
 from runtime.errors import Problems
-from runtime.network.repetition import repeated
+from runtime.network.repetition import repeat_part
 from runtime.network.scope import Scope
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -36,16 +42,17 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
     work = Work(problems)
     work.check(document, document.where, "")
     check_keys(document, SECTIONS, "", problems, "section")
-    filled = fill_sections(document, document.get("params"), "", problems, work)
+    document_filled = fill_sections(document, document.get("params"), "", problems, work)
     top = Scope("", "", unread=_unread(document, SECTIONS))
-    return _scope(filled, top, problems, work), filled
+    return _scope(document_filled, top, problems, work), document_filled
 
 
 def _unread(document: Node, known: Iterable[str]) -> set[str]:
     """Sections that cannot be read because their names are misspelt."""
-    found = misspelt_keys(document, known)
+    names = misspelt_keys(document, known)
     strange = any(name not in known for name, _ in document.items())
-    return found | {"wires"} if strange and document.get("wires") is None else found
+    # An unknown section may be the wires, in a word that no spelling suggests ('connections').
+    return names | {"wires"} if strange and document.get("wires") is None else names
 
 
 def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scope:
@@ -54,22 +61,23 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
 
     scope.wires = entries("wires")
     scope.inputs, scope.outputs = entries("inputs"), entries("outputs")
-    written = entries("blocks")
-    for name, entry in written.items():
+    block_entries = entries("blocks")
+    for name, entry in block_entries.items():
         address = scope.path("blocks", name)
-        message = _misnamed(name)
+        message = _name_problem(name)
         if message:
             problems.add(entry.key, address, message)
+            # 'a{type: Sum}' lacks a colon; the wires still name 'a'.
             scope.broken.add(name.partition("{")[0].strip())
         elif not entry.is_map:
             message = f"expected {{type: ...}}, got {entry.describe()}"
             if entry.value is None:
-                others = [other for other in written if other != name]
+                others = [other for other in block_entries if other != name]
                 message += hint(name, others) or "; null only deletes what 'extends' adds"
             problems.add(entry.where, address, message)
             scope.broken.add(name)
         elif is_part(entry):
-            scope.parts[name] = _opened(entry, scope, name, address, problems, work)
+            scope.parts[name] = _open_part(entry, scope, name, address, problems, work)
         else:
             work.block(entry.key, address)
             scope.blocks[name] = entry
@@ -83,7 +91,7 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
     return scope
 
 
-def _misnamed(name: str) -> str:
+def _name_problem(name: str) -> str:
     if name in RESERVED:
         return f"'{name}' is reserved for the ports of a part; give the block another name"
     if "{" in name:
@@ -93,7 +101,7 @@ def _misnamed(name: str) -> str:
     return ""
 
 
-def _opened(
+def _open_part(
     entry: Node, above: Scope, name: str, address: str, problems: Problems, work: Work
 ) -> Scope:
     """The scope of a part, or of all copies of a repeated one."""
@@ -106,10 +114,11 @@ def _opened(
 
     def copy(one: Node, inside: Scope, own: str) -> Scope:
         work.charge(work.measure.of(one)[0], one.where, address)
+        # All copies have the address of the part, so that a mistake in it is reported once.
         return _part(one, inside, own, address, problems, work)
 
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
-    return repeated(entry, scope, problems, copy)
+    return repeat_part(entry, scope, problems, copy)
 
 
 def _part(
@@ -122,7 +131,7 @@ def _part(
             suggestion = hint(key, PART_SECTIONS[:5]) or f"; it has {', '.join(PART_SECTIONS[:5])}"
             suggestion = f"; write it as params: {{{key}: ...}}" if known else suggestion
             problems.add(item.key, f"{address}.{key}", f"a part has no '{key}'{suggestion}")
-    filled = fill_sections(entry, declared, address, problems, work)
+    entry_filled = fill_sections(entry, declared, address, problems, work)
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
     scope.unread = _unread(entry, PART_SECTIONS)
-    return _scope(filled, scope, problems, work)
+    return _scope(entry_filled, scope, problems, work)

@@ -1,4 +1,13 @@
-"""Signal types of generic ports, and lengths of arrays, inferred along the wires."""
+"""Signal types of generic ports, and lengths of arrays, inferred along the wires.
+
+In: a network with its wires. Out: the type of each port and the lengths of each block, as far as
+blocks and wires determine them; wires that contradict them are reported::
+
+    wires: {total: {terms: [lqr.command]}}      lqr.command is a Twist, total.terms a Same("T")
+    ->  total.terms and total.out are Twists; so is what total.out is wired to, and so on
+
+A type variable or length is bound once and never changed, so the propagation ends.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +24,7 @@ Variable = tuple[str, str]
 
 
 @dataclass
-class _Block:
+class _Bindings:
     """The type variables and length symbols of a block that are known, and from which wire."""
 
     types: dict[str, SignalType]
@@ -31,22 +40,22 @@ def infer_types(
 ) -> tuple[dict[tuple[str, str], SignalType], dict[str, dict[str, int]]]:
     """The types of ports, and each block's lengths by symbol, as far as blocks and wires determine
     them; reports contradictions."""
-    known = {
-        name: _Block(dict(entry.block.variables), dict(entry.block.sizes()))
+    bindings = {
+        name: _Bindings(dict(entry.block.variables), dict(entry.block.sizes()))
         for name, entry in network.entries.items()
         if entry.block_or_none is not None
     }
-    inference = _Inference(network, known, problems)
-    inference.settle()
+    inference = _Inference(network, bindings, problems)
+    inference.infer()
     inference.report()
     types = {}
-    for name, block in known.items():
-        made = network.entries[name].block
-        for port in made.spec.ports:
-            kind = _concrete(_resolved(made.port_type(port), block))
+    for name, binding in bindings.items():
+        block = network.entries[name].block
+        for port in block.spec.ports:
+            kind = _concrete(_resolve(block.port_type(port), binding))
             if kind is not None:
                 types[name, port] = kind
-    return types, {name: block.lengths for name, block in known.items()}
+    return types, {name: block.lengths for name, block in bindings.items()}
 
 
 def report_open(network: Network, problems: Problems) -> None:
@@ -88,12 +97,12 @@ def compatible(source: SignalType, target: SignalType) -> bool:
     return source == target or pair == {"Scalar", "Vector(1)"}
 
 
-def _resolved(declared: PortType, block: _Block) -> SignalType | None:
-    if isinstance(declared, Same):
-        return block.types.get(declared.variable)
-    if declared.symbol and declared.symbol in block.lengths:
-        return declared.sized(block.lengths[declared.symbol])
-    return declared
+def _resolve(port_type: PortType, block: _Bindings) -> SignalType | None:
+    if isinstance(port_type, Same):
+        return block.types.get(port_type.variable)
+    if port_type.symbol and port_type.symbol in block.lengths:
+        return port_type.sized(block.lengths[port_type.symbol])
+    return port_type
 
 
 def _concrete(kind: SignalType | None) -> SignalType | None:
@@ -103,19 +112,21 @@ def _concrete(kind: SignalType | None) -> SignalType | None:
 class _Inference:
     """Propagates types along the wires until nothing changes."""
 
-    def __init__(self, network: Network, known: dict[str, _Block], problems: Problems) -> None:
+    def __init__(
+        self, network: Network, bindings: dict[str, _Bindings], problems: Problems
+    ) -> None:
         self.network = network
-        self.known = known
+        self.bindings = bindings
         self.problems = problems
         self.outer = {wire.target: wire for wire in network.part_wires}
         self.wires = [
             wire
             for wire in network.wires
-            if wire.block in known and wire.source.block in known and self.has_component(wire)
+            if wire.block in bindings and wire.source.block in bindings and self.has_component(wire)
         ]
 
     def has_component(self, wire: Wire) -> bool:
-        kind = _resolved(self.out(wire), self.known[wire.source.block])
+        kind = _resolve(self.out(wire), self.bindings[wire.source.block])
         return kind is None or component_type(kind, wire.source) is not None
 
     def out(self, wire: Wire) -> PortType:
@@ -130,42 +141,46 @@ class _Inference:
 
     def width(self, wire: Wire) -> int:
         """The number of components that arrive at such an input; 0 if it is not known yet."""
-        found = 0
+        total = 0
         for other in self.network.wires:
             if (other.block, other.port) == (wire.block, wire.port):
-                known = other.source.block in self.known
-                kind = _concrete(self.arriving(other)) if known else None
+                is_valid = other.source.block in self.bindings
+                kind = _concrete(self.arriving(other)) if is_valid else None
                 if kind is None or len(kind.shape) > 1:
                     return 0
-                found += kind.shape[0] if kind.shape else 1
-        return found
+                total += kind.shape[0] if kind.shape else 1
+        return total
 
     def declared_by_part(self, wire: Wire) -> SignalType | None:
         """The type that the outermost part on a wire's way declares for its source."""
-        typed = [
+        part_types = [
             self.network.part_inputs[name] for name in wire.via if name in self.network.part_inputs
         ]
-        return typed[-1] if typed and not wire.source.component else None
+        return part_types[-1] if part_types and not wire.source.component else None
 
     def arriving(self, wire: Wire) -> SignalType | None:
         """The type that arrives at a wire's end."""
         if not wire.via or wire.via[0] not in self.outer:
-            kind = _resolved(self.out(wire), self.known[wire.source.block])
+            kind = _resolve(self.out(wire), self.bindings[wire.source.block])
             return None if kind is None else component_type(kind, wire.source)
+        # Through a part's input: what the part declares for it counts, not what the source is, so
+        # that a wrong wire to the part is reported there and not at each block inside.
         outer = self.outer[wire.via[0]]
         kind = self.network.part_inputs.get(outer.target) or self.arriving(outer)
         inner = relative(outer.source.component, wire.source.component)
         own = replace(wire.source, component=inner)
         return None if kind is None else component_type(kind, own)
 
-    def settle(self) -> None:
-        for name in self.known:
+    def infer(self) -> None:
+        for name in self.bindings:
             self.derive(name)
+        # Before the propagation, in which the first wire to arrive would decide.
         self.vote()
         touching: dict[str, list[Wire]] = defaultdict(list)
         for wire in self.wires:
             touching[wire.block].append(wire)
             touching[wire.source.block].append(wire)
+        # A wire is looked at again only after a block at one of its ends has learned something.
         queue = deque(self.wires)
         while queue:
             wire = queue.popleft()
@@ -177,6 +192,7 @@ class _Inference:
 
         A single wrong wire is then the one that is reported, wherever it is written.
         """
+        # Union-find: variables that are wired to each other have one type, and vote together.
         groups: dict[Variable, Variable] = {}
 
         def root(variable: Variable) -> Variable:
@@ -192,13 +208,13 @@ class _Inference:
             source = self.variable(wire.source.block, self.out(wire))
             target = self.variable(wire.block, self.into(wire))
             coming = _concrete(self.arriving(wire))
-            wanted = _concrete(_resolved(self.into(wire), self.known[wire.block]))
-            wanted = self.declared_by_part(wire) or wanted
+            expected = _concrete(_resolve(self.into(wire), self.bindings[wire.block]))
+            expected = self.declared_by_part(wire) or expected
             if target is not None and coming is not None:
                 votes.append((target, coming, wire.source_text))
             if source is not None and not wire.source.component:
-                if wanted is not None:
-                    votes.append((source, wanted, wire.target))
+                if expected is not None:
+                    votes.append((source, expected, wire.target))
                 elif target is not None:
                     groups[root(source)] = root(target)
         cast: dict[Variable, dict[SignalType, list[str]]] = defaultdict(lambda: defaultdict(list))
@@ -209,20 +225,20 @@ class _Inference:
             if kinds:
                 # Of equals, max returns the first: the wire that is written first.
                 winner = max(kinds, key=lambda kind: len(kinds[kind]))
-                block = self.known[variable[0]]
+                block = self.bindings[variable[0]]
                 block.types[variable[1]] = winner
                 block.why[variable[1]] = kinds[winner][0]
 
-    def variable(self, block: str, declared: PortType) -> Variable | None:
+    def variable(self, block: str, port_type: PortType) -> Variable | None:
         """A port's type variable, if the block's parameters do not determine it."""
-        if isinstance(declared, Same) and declared.variable not in self.known[block].types:
-            return block, declared.variable
+        if isinstance(port_type, Same) and port_type.variable not in self.bindings[block].types:
+            return block, port_type.variable
         return None
 
     def propagate(self, wire: Wire) -> list[str]:
         """Propagate types along one wire, both ways; returns the blocks that changed."""
         changed = []
-        source, target = self.known[wire.source.block], self.known[wire.block]
+        source, target = self.bindings[wire.source.block], self.bindings[wire.block]
         spread = self.spread(wire)
         if spread:
             width = self.width(wire)
@@ -233,9 +249,9 @@ class _Inference:
         coming = _concrete(self.arriving(wire))
         if coming is not None and _bind(self.into(wire), target, coming, wire.source_text):
             changed.append(wire.block)
-        wanted = _concrete(_resolved(self.into(wire), target))
-        wanted = self.declared_by_part(wire) or wanted
-        whole = wanted if not wire.source.component else None
+        expected = _concrete(_resolve(self.into(wire), target))
+        expected = self.declared_by_part(wire) or expected
+        whole = expected if not wire.source.component else None
         if whole is not None and _bind(self.out(wire), source, whole, wire.target):
             changed.append(wire.source.block)
         if not wire.source.component and self.carry(wire) and wire.block not in changed:
@@ -246,9 +262,9 @@ class _Inference:
 
     def carry(self, wire: Wire) -> bool:
         """Pass on the lengths that travel with a signal; returns whether one was new."""
-        source, target = self.known[wire.source.block], self.known[wire.block]
-        declared = self.network.entries[wire.source.block].cls.spec.outputs[wire.source.port]
-        new = {s: source.lengths[s] for s in declared.carries if s in source.lengths}
+        source, target = self.bindings[wire.source.block], self.bindings[wire.block]
+        port = self.network.entries[wire.source.block].cls.spec.outputs[wire.source.port]
+        new = {s: source.lengths[s] for s in port.carries if s in source.lengths}
         new = {symbol: length for symbol, length in new.items() if symbol not in target.lengths}
         target.lengths.update(new)
         target.why.update(dict.fromkeys(new, wire.source_text))
@@ -256,16 +272,16 @@ class _Inference:
 
     def derive(self, name: str) -> None:
         """Let a block derive lengths from those that are known."""
-        block = self.known[name]
-        found = self.network.entries[name].block.infer(dict(block.lengths))
-        block.lengths.update({s: n for s, n in found.items() if s not in block.lengths})
+        block = self.bindings[name]
+        derived = self.network.entries[name].block.infer(dict(block.lengths))
+        block.lengths.update({s: n for s, n in derived.items() if s not in block.lengths})
 
     def report(self) -> None:
         """Report wires whose ends have different types, and components that do not exist."""
         for wire in (*self.network.wires, *self.network.part_wires):
-            if wire.source.block not in self.known:
+            if wire.source.block not in self.bindings:
                 continue
-            source = _resolved(self.out(wire), self.known[wire.source.block])
+            source = _resolve(self.out(wire), self.bindings[wire.source.block])
             outer = self.outer.get(wire.via[0]) if wire.via else None
             inherited = outer is not None and outer.source.component
             if source and not inherited and component_type(source, wire.source) is None:
@@ -273,11 +289,11 @@ class _Inference:
                 self.problems.add(wire.where, wire.address, message)
         for wire in self.network.part_wires:
             target = self.network.part_inputs.get(wire.target)
-            coming = self.arriving(wire) if wire.source.block in self.known else None
+            coming = self.arriving(wire) if wire.source.block in self.bindings else None
             if target is not None and coming is not None:
                 self.check(wire, coming, target, "")
         for wire in self.wires:
-            target = _resolved(self.into(wire), self.known[wire.block])
+            target = _resolve(self.into(wire), self.bindings[wire.block])
             coming = self.arriving(wire)
             if self.spread(wire):
                 if coming is not None and coming.form == "array" and coming.components:
@@ -285,9 +301,11 @@ class _Inference:
                     message += f"'{wire.source_text}'"
                     self.problems.add(wire.where, wire.address, message)
             elif target is not None and coming is not None:
-                declared = self.into(wire)
-                symbol = declared.variable if isinstance(declared, Same) else declared.symbol
-                self.check(wire, coming, target, self.known[wire.block].why.get(symbol or "", ""))
+                port_type = self.into(wire)
+                symbol = port_type.variable if isinstance(port_type, Same) else port_type.symbol
+                self.check(
+                    wire, coming, target, self.bindings[wire.block].why.get(symbol or "", "")
+                )
 
     def check(self, wire: Wire, coming: SignalType, target: SignalType, why: str) -> None:
         if target.symbol or coming.symbol:
@@ -314,29 +332,29 @@ class _Inference:
         """The outputs beside a block that have the type of its input, if the type is a rare one."""
         scope = wire.block.rpartition(".")[0]
         names = [
-            f"{name.removeprefix(f'{scope}.')}.{port}"
-            for name, block in self.known.items()
+            f"{name.removeprefix(f'{scope}.')}.{key}"
+            for name, block in self.bindings.items()
             if name != wire.block and name.rpartition(".")[0] == scope
-            for port, declared in self.network.entries[name].cls.spec.outputs.items()
-            if (kind := _resolved(declared.type, block)) is not None and kind.name == target.name
+            for key, port in self.network.entries[name].cls.spec.outputs.items()
+            if (kind := _resolve(port.type, block)) is not None and kind.name == target.name
         ]
         is_rare = target.name not in ("Scalar", "Vector") and len(names) <= MOST_FITTING
         return f"; outputs of that type: {', '.join(names)}" if names and is_rare else ""
 
 
-def _bind(declared: PortType, block: _Block, kind: SignalType, why: str) -> bool:
+def _bind(port_type: PortType, block: _Bindings, kind: SignalType, why: str) -> bool:
     """Bind the open variable or length of a declared type; returns whether it was open."""
-    if isinstance(declared, Same):
-        if declared.variable in block.types:
+    if isinstance(port_type, Same):
+        if port_type.variable in block.types:
             return False
-        block.types[declared.variable] = kind
-        block.why[declared.variable] = why
+        block.types[port_type.variable] = kind
+        block.why[port_type.variable] = why
         return True
-    symbol = declared.symbol
+    symbol = port_type.symbol
     if not symbol or symbol in block.lengths:
         return False
-    length = 1 if kind == Scalar and declared.name == "Vector" else kind.length
-    if not isinstance(length, int) or kind.name not in (declared.name, "Scalar"):
+    length = 1 if kind == Scalar and port_type.name == "Vector" else kind.length
+    if not isinstance(length, int) or kind.name not in (port_type.name, "Scalar"):
         return False
     block.lengths[symbol] = length
     block.why[symbol] = why

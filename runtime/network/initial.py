@@ -1,4 +1,11 @@
-"""States with which a run begins: those that earlier runs ended with."""
+"""States with which a run begins: those that earlier runs ended with.
+
+In: the entries ``from`` and ``initial``, and the folders of runs that they name. Out: arrays by
+block and state, each of the shape that the block declares::
+
+    from: runs/line/latest                        all blocks of the same names and shapes
+    initial: {snn.weights: runs/trained/latest}   this state alone, after `from`
+"""
 
 from __future__ import annotations
 
@@ -22,6 +29,7 @@ ANEW = (
     "noise it differs from a longer run"
 )
 Initial = dict[str, dict[str, FloatArray]]
+# What numpy and zipfile raise for archives that are damaged.
 _BROKEN = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile)
 
 
@@ -31,27 +39,27 @@ def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[st
     ``from`` gives its states to all blocks of the same name whose states have the same shapes,
     ``initial`` to the blocks or states that it names.
     """
-    found: Initial = {}
+    initial: Initial = {}
     notes: list[str] = []
     files: dict[str, dict[str, FloatArray] | None] = {}
-    whole, named = (network.document.get(key) for key in ("from", "initial"))
-    if any(node is not None and node.value for node in (whole, named)):
+    whole, entries = (network.document.get(key) for key in ("from", "initial"))
+    if any(node is not None and node.value for node in (whole, entries)):
         notes.append(ANEW)
     if whole is not None and whole.value is not None:
         arrays = _states(whole, "from", files, problems)
         if arrays is not None:
-            notes += _take_all(network, arrays, found, whole, problems)
-    if named is None or named.value is None:
-        return found, notes
-    if not named.is_map:
-        message = f"expected entries such as 'snn.weights: RUN', got {named.describe()}"
-        problems.add(named.where, "initial", message)
-        return found, notes
-    for address, node in named.items():
+            notes += _take_all(network, arrays, initial, whole, problems)
+    if entries is None or entries.value is None:
+        return initial, notes
+    if not entries.is_map:
+        message = f"expected entries such as 'snn.weights: RUN', got {entries.describe()}"
+        problems.add(entries.where, "initial", message)
+        return initial, notes
+    for address, node in entries.items():
         arrays = _states(node, f"initial.{address}", files, problems)
         if arrays is not None:
-            _take(network, address, arrays, found, node, problems)
-    return found, notes
+            _take(network, address, arrays, initial, node, problems)
+    return initial, notes
 
 
 def _states(
@@ -81,6 +89,7 @@ def _states(
         problems.add(
             node.where, address, f"'{folder / STATES}' is damaged: {error}; run that graph again"
         )
+    # None as well, so that a run that cannot be read is reported once.
     files[node.value] = arrays
     return arrays
 
@@ -88,54 +97,56 @@ def _states(
 def _take_all(
     network: Network,
     arrays: Mapping[str, FloatArray],
-    found: Initial,
+    initial: Initial,
     node: Node,
     problems: Problems,
 ) -> list[str]:
     """Whatever fits; returns a note on the blocks that differ."""
-    taken, differing = set(), set()
+    fit, differing = set(), set()
     for name, array in arrays.items():
         block, _, state = name.rpartition(".")
         if _misfit(network, block, state, array):
             differing.add(block)
         else:
-            taken.add(block)
-            found.setdefault(block, {})[state] = array
+            fit.add(block)
+            initial.setdefault(block, {})[state] = array
+    # A block takes all of its states or none: with half of them it would begin in a state in which
+    # it never was.
     for block in differing:
-        found.pop(block, None)
-    if not taken - differing:
+        initial.pop(block, None)
+    if not fit - differing:
         problems.add(
             node.where, "from", f"no block has the name and the states of one in '{node.value}'"
         )
-    left = sorted(block for block in differing if block in network.entries)
-    return [f"from: {', '.join(left)} differ from the run's and start anew"] if left else []
+    unfit = sorted(block for block in differing if block in network.entries)
+    return [f"from: {', '.join(unfit)} differ from the run's and start anew"] if unfit else []
 
 
 def _take(
     network: Network,
     address: str,
     arrays: Mapping[str, FloatArray],
-    found: Initial,
+    initial: Initial,
     node: Node,
     problems: Problems,
 ) -> None:
     """The states that an entry of ``initial`` names: one, or all of a block."""
     place = f"initial.{address}"
     if address in network.entries:
-        chosen = {n: a for n, a in arrays.items() if n.rpartition(".")[0] == address}
+        states = {n: a for n, a in arrays.items() if n.rpartition(".")[0] == address}
     else:
-        chosen = {address: arrays[address]} if address in arrays else {}
-    if not chosen:
+        states = {address: arrays[address]} if address in arrays else {}
+    if not states:
         known = [*arrays, *(name.rpartition(".")[0] for name in arrays)]
         suggestion = hint(address, known) or f"; it has {', '.join(sorted(arrays)) or 'none'}"
         problems.add(node.key, place, f"the run has no state of that name{suggestion}")
-    for name, array in chosen.items():
+    for name, array in states.items():
         block, _, state = name.rpartition(".")
         message = _misfit(network, block, state, array)
         if message:
             problems.add(node.key, place, message)
         else:
-            found.setdefault(block, {})[state] = array
+            initial.setdefault(block, {})[state] = array
 
 
 def _misfit(network: Network, block: str, state: str, array: FloatArray) -> str:

@@ -1,4 +1,12 @@
-"""The network: blocks, wires and types of a graph that was checked."""
+"""The network: blocks, wires and types of a graph that was checked.
+
+In: what :func:`runtime.network.build` found. Out: one frozen description that plan, diagram, probes
+and reports read::
+
+    network.entries["lqr"].block          # the block; names in parts are 'adaptive.snn_v'
+    network.types["lqr", "command"]       # Twist
+    network.context("lqr").dt             # 0.01
+"""
 
 from __future__ import annotations
 
@@ -20,12 +28,12 @@ Port = tuple[str, str]
 
 def place_of(node: Node, parameter: str) -> Where:
     """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
-    where, found = node.key, node
+    where, item = node.key, node
     for name in parameter.split("."):
-        inner = found.get(name) if found.is_map else None
+        inner = item.get(name) if item.is_map else None
         if inner is None:
             break
-        where, found = inner.where, inner
+        where, item = inner.where, inner
     return where
 
 
@@ -161,11 +169,11 @@ class Network:
     @cached_property
     def driving(self) -> tuple[Wire, ...]:
         """The wires as blocks read them: into an input that spreads, one for each component."""
-        found: list[Wire] = []
+        wires: list[Wire] = []
         for wire in self.wires:
             inputs = self.entries[wire.block].cls.spec.inputs
-            found += self._spread(wire) if inputs[wire.port].spread else [wire]
-        return tuple(found)
+            wires += self._spread(wire) if inputs[wire.port].spread else [wire]
+        return tuple(wires)
 
     @cached_property
     def moving(self) -> frozenset[Port]:
@@ -185,6 +193,8 @@ class Network:
             if entry.block_or_none is None or not (spec.continuous or entry.is_memoryless):
                 continue
             for call in entry.evaluations:
+                # An output moves with an input that its method needs; what it does not read cannot
+                # move it.
                 ports = [(name, port) for port in call.outputs]
                 if spec.is_constant(call):
                     continue
@@ -193,13 +203,15 @@ class Network:
                 for port in call.needs:
                     for read in sources.get((name, port), [(name, port)]):
                         readers.setdefault(read, []).extend(ports)
-        found: set[Port] = set()
+        # All outputs that can be reached from those that move by themselves, along the wires and
+        # through the memoryless blocks that read them.
+        result: set[Port] = set()
         while waiting:
-            moved = waiting.pop()
-            if moved not in found:
-                found.add(moved)
-                waiting += readers.get(moved, ())
-        return frozenset(found)
+            port_now = waiting.pop()
+            if port_now not in result:
+                result.add(port_now)
+                waiting += readers.get(port_now, ())
+        return frozenset(result)
 
     def _spread(self, wire: Wire) -> list[Wire]:
         kind = self.types.get((wire.source.block, wire.source.port))
@@ -229,9 +241,9 @@ class Network:
             dt=self.dt * entry.every,
             types={port: self.types[name, port] for port in ports if (name, port) in self.types},
             terms={
-                port: self._flags(name, port, bool(declared.spread))
-                for port, declared in entry.cls.spec.inputs.items()
-                if declared.variadic
+                port: self._flags(name, port, bool(input_port.spread))
+                for port, input_port in entry.cls.spec.inputs.items()
+                if input_port.variadic
             },
             world=self.world,
             lengths=self.lengths.get(name, {}),
@@ -249,15 +261,16 @@ class Network:
         widths = Counter(
             wire.term for wire in self.driving if (wire.block, wire.port) == (name, port)
         )
+        # A wire of three columns into an input that spreads counts as three terms.
         return tuple(flag for i, flag in enumerate(flags) for _ in range(widths[i] if flag else 1))
 
     @cached_property
     def _into(self) -> Mapping[str, list[Wire]]:
         """The wires into each block."""
-        found: dict[str, list[Wire]] = {}
+        result: dict[str, list[Wire]] = {}
         for wire in self.wires:
-            found.setdefault(wire.block, []).append(wire)
-        return found
+            result.setdefault(wire.block, []).append(wire)
+        return result
 
     def publications(self, name: str) -> list[tuple[str, Endpoint]]:
         """The inputs of a block that receive a published description, and from which output."""

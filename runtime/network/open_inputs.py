@@ -1,4 +1,10 @@
-"""Required inputs that are not connected, each with outputs that fit."""
+"""Required inputs that are not connected, each with outputs that fit.
+
+In: a network after removal and inference. Out: problems and notes::
+
+    line.yaml:23:3: input 'lqr.error' (TrackingState) is not connected; outputs of that type:
+    error.state
+"""
 
 from __future__ import annotations
 
@@ -39,16 +45,19 @@ class _Open:
 def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> None:
     """Report every open input, after removal and type inference."""
     removed = {(wire.block, wire.port): wire for wire in network.removed_wires}
-    for found in (*_of_blocks(network), *_of_parts(network)):
-        if found.at in removed:
-            _report_removed(network, found, removed[found.at], problems)
-        elif found.at not in wiring.settled and "wires" not in found.scope.unread:
-            wires = found.scope.wires.get(found.consumer)
-            why = wiring.open_for.get(found.at)
-            message = f"input '{'.'.join(found.at)}'{_typed(found.kind)} is not connected"
-            message += (f", since {why}" if why else "") + _suggestion(network, found)
-            where = found.where if wires is None else wires.key
-            problems.add(where, found.address if where == NOWHERE else "", message)
+    for open_input in (*_of_blocks(network), *_of_parts(network)):
+        # First: 'not connected without adaptive' tells more than 'not connected'.
+        if open_input.at in removed:
+            _report_removed(network, open_input, removed[open_input.at], problems)
+        elif open_input.at not in wiring.connected and "wires" not in open_input.scope.unread:
+            wires = open_input.scope.wires.get(open_input.consumer)
+            why = wiring.open_for.get(open_input.at)
+            message = (
+                f"input '{'.'.join(open_input.at)}'{_type_text(open_input.kind)} is not connected"
+            )
+            message += (f", since {why}" if why else "") + _suggestion(network, open_input)
+            where = open_input.where if wires is None else wires.key
+            problems.add(where, open_input.address if where == NOWHERE else "", message)
 
 
 def open_notes(network: Network) -> list[str]:
@@ -85,25 +94,27 @@ def _of_parts(network: Network) -> Iterator[_Open]:
                     yield _Open(scope.parent, scope.name, name, kind, scope.where)
 
 
-def _report_removed(network: Network, found: _Open, wire: Wire, problems: Problems) -> None:
+def _report_removed(network: Network, open_input: _Open, wire: Wire, problems: Problems) -> None:
     block = missing_block(network, wire.source)
-    message = f"input '{wire.target}'{_typed(found.kind)} is not connected without '{block}'"
+    message = (
+        f"input '{wire.target}'{_type_text(open_input.kind)} is not connected without '{block}'"
+    )
     entry = network.removed_entries.get(block)
     if entry is not None and entry.cls.spec.through is not None:
         message += f"; 'bypass: [{block}]' would connect through it"
-    problems.add(wire.where, wire.address, message + _suggestion(network, found))
+    problems.add(wire.where, wire.address, message + _suggestion(network, open_input))
 
 
-def _typed(kind: PortType | None) -> str:
+def _type_text(kind: PortType | None) -> str:
     return f" ({kind})" if isinstance(kind, SignalType) else ""
 
 
-def _suggestion(network: Network, found: _Open) -> str:
+def _suggestion(network: Network, open_input: _Open) -> str:
     """Outputs that fit an input, by the names that its graph would use."""
-    kind = found.kind
+    kind = open_input.kind
     if not isinstance(kind, SignalType):
         return "; wire any output to it"
-    outputs = outputs_in(network, found.scope, found.consumer)
+    outputs = outputs_in(network, open_input.scope, open_input.consumer)
     fitting = [name for name, have in outputs if fits(have, kind)]
     if not fitting:
         return f"; no output is a {kind.name}; add a block that has one"

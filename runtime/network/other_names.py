@@ -1,4 +1,7 @@
-"""What block types of other tools are called here."""
+"""What block types of other tools are called here.
+
+In: a type that does not exist here, ``Saturation``. Out: ``; here: Clip``, for the error message.
+"""
 
 from __future__ import annotations
 
@@ -96,6 +99,6 @@ _OURS = {name: ours for ours, names in _NAMES.items() for name in names.split()}
 
 def ours_for(name: str) -> str:
     """What to use for another tool's block type: ``; here: Clip``; '' if it is not known."""
-    found = _OURS.get(name.lower().replace(" ", "").replace("-", ""))
-    found = found or _OURS.get(name.lower().replace("_", ""))
-    return "" if found is None else f"; here: {found}"
+    ours = _OURS.get(name.lower().replace(" ", "").replace("-", ""))
+    ours = ours or _OURS.get(name.lower().replace("_", ""))
+    return "" if ours is None else f"; here: {ours}"

@@ -1,4 +1,10 @@
-"""Removing blocks: ``without`` drops a block with its wires, ``bypass`` connects through it."""
+"""Removing blocks: ``without`` drops a block with its wires, ``bypass`` connects through it.
+
+In: a network with all of its wires. Out: one without the named blocks, which it still lists::
+
+    lqr.command -> limit -> plant.command       bypass: [limit]   ->   lqr.command -> plant.command
+                                                without: [limit]  ->   plant.command is open
+"""
 
 from __future__ import annotations
 
@@ -17,38 +23,40 @@ def remove(network: Network, problems: Problems) -> Network:
     removed: dict[str, str] = {}
     removed_by: dict[str, str] = {}
     sources: dict[str, Endpoint] = {}
-    for node, address in _listed(network, "without", problems):
-        for name in _named(network, node, address, problems):
+    for node, address in _names_under(network, "without", problems):
+        for name in _blocks_named(network, node, address, problems):
             removed[name] = "without"
             removed_by.setdefault(name, node.value)
-    bypassed = _listed(network, "bypass", problems)
+    bypassed = _names_under(network, "bypass", problems)
     for node, address in bypassed:
-        for name in _named(network, node, address, problems):
-            found = _bypass_wire(network, removed, name, node.value)
-            if isinstance(found, str):
-                problems.add(node.where, address, found)
+        for name in _blocks_named(network, node, address, problems):
+            wire = _bypass_wire(network, removed, name, node.value)
+            # The reason why there is no such wire.
+            if isinstance(wire, str):
+                problems.add(node.where, address, wire)
             else:
                 removed[name] = "bypass"
-                sources[f"{name}.{_output(network, name)}"] = found.source
+                sources[f"{name}.{_output(network, name)}"] = wire.source
     network = replace(network, removed=removed, removed_by=removed_by, bypass_sources=sources)
     for node, address in bypassed:
+        # Once all are known: a circle needs every block of it to be bypassed.
         _check_circle(network, node, address, problems)
     if network.entries and removed.keys() >= network.entries.keys():
         document = network.document
         lists = document.get("without") or document.get("bypass")
         where = document.where if lists is None else lists.where
         problems.add(where, "without", "nothing is left of the graph; keep a block")
-    return _rewired(network)
+    return _rewire(network)
 
 
-def _listed(network: Network, name: str, problems: Problems) -> list[tuple[Node, str]]:
+def _names_under(network: Network, name: str, problems: Problems) -> list[tuple[Node, str]]:
     node = network.document.get(name)
     if node is None or node.value is None:
         return []
     return strings(node, name, "a block's name", problems)
 
 
-def _rewired(network: Network) -> Network:
+def _rewire(network: Network) -> Network:
     """The network with what is removed kept apart, and wires moved to where signals come from."""
     wires: list[Wire] = []
     removed_wires: list[Wire] = []
@@ -60,14 +68,15 @@ def _rewired(network: Network) -> Network:
         if source is not None:
             wires.append(replace(wire, source=source))
         elif wire.term is not None and wire.block not in network.removed:
+            # The term is open, and the others keep their places: a Sum's signs go by position.
             flags = list(terms[wire.block, wire.port])
             flags[wire.term] = False
             terms[wire.block, wire.port] = tuple(flags)
     followed = [(wire, follow(network, wire.source)) for wire in network.part_wires]
-    kept = {name: e for name, e in network.entries.items() if name not in network.removed}
+    entries = {name: e for name, e in network.entries.items() if name not in network.removed}
     return replace(
         network,
-        entries=kept,
+        entries=entries,
         removed_entries={name: network.entries[name] for name in network.removed},
         wires=tuple(wires),
         removed_wires=tuple(removed_wires),
@@ -79,6 +88,7 @@ def _rewired(network: Network) -> Network:
 def _chain(network: Network, end: Endpoint) -> Iterator[Endpoint]:
     """An address and, bypass by bypass, the addresses that take its place."""
     seen = set()
+    # A circle of bypassed blocks has no end; _check_circle reports it.
     while end.block not in seen:
         yield end
         seen.add(end.block)
@@ -107,7 +117,7 @@ def _output(network: Network, name: str) -> str:
     return pair[1] if pair else ""
 
 
-def _named(network: Network, node: Node, address: str, problems: Problems) -> list[str]:
+def _blocks_named(network: Network, node: Node, address: str, problems: Problems) -> list[str]:
     """The blocks that a name stands for: one, or all of a part."""
     name = node.value
     inside = [full for full in network.entries if full == name or full.startswith(f"{name}.")]

@@ -1,7 +1,12 @@
 """Parts that are repeated: the ports of the copies are joined to those of one part.
 
-An input of the copies becomes one vector, of which each copy gets its share, and an output the
-vector of all copies' values. ``share`` names the inputs of which every copy gets the whole.
+In: a part's entry with ``repeat``. Out: the scope of a part around the copies. An input becomes one
+vector, of which each copy gets its share, and an output the vector of all copies' values; ``share``
+names the inputs of which every copy gets the whole::
+
+    arms: {graph: arm.yaml, repeat: 3}     arm.yaml: inputs {u: Vector(2)}, outputs {y: gain.out}
+    ->  inputs:  {u: Vector(6)}            copy_1: {u: 'inputs.u[2:4]'}
+        outputs: {y: gathered_y.out}       gathered_y: Concatenate of copy_0.y, copy_1.y, copy_2.y
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ INDEX = "index"  # a param of this name is the number of the copy
 OpenPart = Callable[[Node, Scope, str], Scope]
 
 
-def repeated(entry: Node, scope: Scope, problems: Problems, open_part: OpenPart) -> Scope:
+def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPart) -> Scope:
     """The part that holds the copies of a part.
 
     Parameters
@@ -26,7 +31,7 @@ def repeated(entry: Node, scope: Scope, problems: Problems, open_part: OpenPart)
     open_part : makes the scope of a copy from its entry, the scope around it, and its name.
     """
     count = _count(entry.value["repeat"], scope.address, problems)
-    shared = _shared(entry, scope.address, problems)
+    shared = _shared_inputs(entry, scope.address, problems)
     one = entry.with_item("repeat", None).with_item("share", None)
     params = one.get("params")
     for i in range(count):
@@ -34,6 +39,7 @@ def repeated(entry: Node, scope: Scope, problems: Problems, open_part: OpenPart)
             number = Node(i, params.where, params.key)
             one = one.with_item("params", params.with_item(INDEX, number))
         scope.parts[copy_name(i)] = open_part(one, scope, copy_name(i))
+    # All copies have the same ports.
     first = scope.parts[copy_name(0)]
     scope.unread |= first.unread & {"inputs", "outputs"}
     wires: list[dict[str, Node]] = [{} for _ in range(count)]
@@ -41,11 +47,12 @@ def repeated(entry: Node, scope: Scope, problems: Problems, open_part: OpenPart)
         width = 0 if port in shared else _width(node)
         if width == 0 and port not in shared:
             message = f"a repeated part divides a Scalar or a vector of known length; '{port}' is "
-            message += f"{_written(node)}: declare its type, or give all copies the whole, "
+            message += f"{_type_text(node)}: declare its type, or give all copies the whole, "
             problems.add(entry.key, scope.address, f"{message}share: [{port}]")
             shared = {*shared, port}
-        scope.inputs[port] = _sized(node, width * count) if width else node
+        scope.inputs[port] = _with_length(node, width * count) if width else node
         for i, wire in enumerate(wires):
+            # One number is a component; a range of one would be a vector.
             part = f"[{i * width}:{(i + 1) * width}]" if width > 1 else f"[{i}]"
             whole = count == 1 or port in shared
             wire[port] = _at(entry, f"inputs.{port}{'' if whole else part}")
@@ -79,26 +86,26 @@ def _count(node: Node, address: str, problems: Problems) -> int:
     return 1
 
 
-def _shared(entry: Node, address: str, problems: Problems) -> set[str]:
-    found = strings(entry.get("share"), f"{address}.share", "an input of the part", problems)
-    return {str(item.value) for item, _ in found}
+def _shared_inputs(entry: Node, address: str, problems: Problems) -> set[str]:
+    names = strings(entry.get("share"), f"{address}.share", "an input of the part", problems)
+    return {str(item.value) for item, _ in names}
 
 
-def _declared(node: Node) -> Node | None:
+def _type_node(node: Node) -> Node | None:
     return node.get("type") if node.is_map else node
 
 
-def _written(node: Node) -> str:
-    declared = _declared(node)
-    text = None if declared is None else declared.value
+def _type_text(node: Node) -> str:
+    type_node = _type_node(node)
+    text = None if type_node is None else type_node.value
     return f"a {text}" if isinstance(text, str) else "of any type"
 
 
 def _width(node: Node) -> int:
     """The numbers of one copy's input; 0 if it is no number or vector of known length."""
-    declared = _declared(node)
+    type_node = _type_node(node)
     try:
-        kind = signal_type(str(None if declared is None else declared.value))
+        kind = signal_type(str(None if type_node is None else type_node.value))
     except ValueError:
         return 0
     if kind.form == "scalar":
@@ -106,7 +113,7 @@ def _width(node: Node) -> int:
     return kind.length if kind.name == "Vector" and isinstance(kind.length, int) else 0
 
 
-def _sized(node: Node, length: int) -> Node:
+def _with_length(node: Node, length: int) -> Node:
     """The declaration of an input, as a vector of this length."""
     kind = Node(f"Vector({length})", node.where, node.key)
     return node.with_item("type", kind) if node.is_map else kind

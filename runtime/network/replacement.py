@@ -1,4 +1,13 @@
-"""Replacing a block by one of another type: what fits stays, the rest is dropped with a note."""
+"""Replacing a block by one of another type: what fits stays, the rest is dropped with a note.
+
+In: a document, a block's name and a type. Out: the changed document and the notes::
+
+    --replace lqr=PID     lqr: {type: LQR, q: 1, dt: 0.01}  ->  lqr: {type: PID, dt: 0.01}
+    "'lqr' is now a PID, which has no q: dropped"
+
+A replacement is for experiments with one word: where dropping were an error, it would take three
+more options to try another controller.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +21,9 @@ from runtime.document import Node, is_part
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
 
+# Entries of probes, plots and metrics whose strings are no addresses.
 SIGNAL_FREE = ("kind", "title", "label", "labels", "unit")
-IsGone = Callable[[str], bool]
+IsLost = Callable[[str], bool]
 
 
 def replace_block(
@@ -48,8 +58,8 @@ def replace_block(
     where = Where(origin or f"replace {name}={kind}")
     names = name.strip().split(".")
     scopes = _scopes(document, names, where)
-    module, colon, typed = kind.rpartition(":")
-    entry: dict[str, Node] = {"type": Node(typed.strip(), where, where)}
+    module, colon, type_name = kind.rpartition(":")
+    entry: dict[str, Node] = {"type": Node(type_name.strip(), where, where)}
     if colon:
         entry["module"] = Node(str(Path(module).resolve()), where, where)
     problems = Problems()
@@ -94,37 +104,41 @@ class _Replacement:
     def apply(self, scopes: list[Node], names: list[str], entry: dict[str, Node]) -> Node:
         """Change the innermost scope, and all that refers to the block in those around it."""
         scope = self.block(scopes[-1], names[-1], entry)
+        # From the inside out: a wire of each graph around the block may name one of its outputs.
         for depth in range(len(names) - 1, -1, -1):
             if depth < len(names) - 1:
                 blocks = scopes[depth].get("blocks") or Node({})
                 scope = scopes[depth].with_item("blocks", blocks.with_item(names[depth], scope))
-            scope = self.wires(scope, self.gone(".".join(names[depth:]), with_states=False))
-        return self.observed(scope, self.gone(self.name, with_states=True))
+            scope = self.wires(scope, self.lost_test(".".join(names[depth:]), with_states=False))
+        return self.observations(scope, self.lost_test(self.name, with_states=True))
 
-    def gone(self, name: str, with_states: bool) -> IsGone:
+    def lost_test(self, name: str, with_states: bool) -> IsLost:
         """A test for addresses of the block that the new type does not have."""
         spec = self.cls.spec
+        # Probes may record states, wires may not start at them.
         known = {*spec.outputs, *(spec.states if with_states else ())}
 
-        def is_gone(address: str) -> bool:
+        def is_lost(address: str) -> bool:
             port = address.removeprefix(f"{name}.").partition(".")[0]
             return address.startswith(f"{name}.") and port not in known
 
-        return is_gone
+        return is_lost
 
     def block(self, scope: Node, name: str, entry: dict[str, Node]) -> Node:
         blocks = scope.get("blocks") or Node({})
         old = blocks.get(name) or Node({})
-        given = (
+        parameters = (
             {} if is_part(old) else {k: v for k, v in old.items() if k not in ("type", "module")}
         )
         spec = self.cls.spec
-        kept = {key: node for key, node in given.items() if key == "dt" or key in spec.params}
-        dropped = [key for key in given if key not in kept]
-        if dropped:
-            self.note(f"which has no {', '.join(dropped)}: dropped")
-        changed = scope.with_item(
-            "blocks", blocks.with_item(name, Node({**entry, **kept}, old.where, old.key))
+        fitting = {
+            key: node for key, node in parameters.items() if key == "dt" or key in spec.params
+        }
+        lost = [key for key in parameters if key not in fitting]
+        if lost:
+            self.note(f"which has no {', '.join(lost)}: dropped")
+        result = scope.with_item(
+            "blocks", blocks.with_item(name, Node({**entry, **fitting}, old.where, old.key))
         )
         wires = scope.get("wires") or Node({})
         mine = wires.get(name)
@@ -133,35 +147,35 @@ class _Replacement:
                 self.note(f"which has no input '{port}': its wire is dropped")
                 mine = mine.with_item(port, None)
         if mine is not None:
-            changed = changed.with_item("wires", wires.with_item(name, mine))
-        return changed
+            result = result.with_item("wires", wires.with_item(name, mine))
+        return result
 
-    def wires(self, scope: Node, gone: IsGone) -> Node:
+    def wires(self, scope: Node, is_lost: IsLost) -> Node:
         """A scope without the wires from outputs that are gone."""
         wires = scope.get("wires")
         if wires is None:
             return scope
         for consumer, ports in wires.items():
             for port, node in ports.items():
-                left = self.left(node, gone)
-                if left is not node:
-                    ports = ports.with_item(port, left)
+                rest = self.without_lost(node, is_lost)
+                if rest is not node:
+                    ports = ports.with_item(port, rest)
             wires = wires.with_item(consumer, ports)
         return scope.with_item("wires", wires)
 
-    def left(self, node: Node, gone: IsGone) -> Node | None:
+    def without_lost(self, node: Node, is_lost: IsLost) -> Node | None:
         """A text or list of texts without what is gone; None if nothing is left."""
         items = node.value if node.is_list else [node]
-        lost = [item for item in items if isinstance(item.value, str) and gone(item.value)]
+        lost = [item for item in items if isinstance(item.value, str) and is_lost(item.value)]
         for item in [item for item in lost if "." in item.value]:
             port = item.value.rpartition(f"{self.name.rpartition('.')[2]}.")[2]
             self.note(f"which has no '{port}': '{item.value}' is dropped")
         if not lost:
             return node
-        kept = [item for item in items if item not in lost]
-        return Node(kept, node.where, node.key) if kept and node.is_list else None
+        rest = [item for item in items if item not in lost]
+        return Node(rest, node.where, node.key) if rest and node.is_list else None
 
-    def observed(self, document: Node, gone: IsGone) -> Node:
+    def observations(self, document: Node, is_lost: IsLost) -> Node:
         """A document without the probes, plots and metrics of signals that are gone."""
         lost: set[str] = set()
         for section in ("probes", "plots", "metrics"):
@@ -169,36 +183,38 @@ class _Replacement:
             if entries is None:
                 continue
             for name, entry in entries.items():
-                left = self.entry(entry, lambda text: gone(text) or text in lost)
-                if left is not entry:
-                    entries = entries.with_item(name, left)
-                if left is None and section == "probes":
+                rest = self.entry(entry, lambda text: is_lost(text) or text in lost)
+                if rest is not entry:
+                    entries = entries.with_item(name, rest)
+                # Plots and metrics of a probe that is dropped are dropped with it: probes come
+                # first.
+                if rest is None and section == "probes":
                     lost.add(name)
             document = document.with_item(section, entries)
         return document
 
-    def entry(self, entry: Node, gone: IsGone) -> Node | None:
+    def entry(self, entry: Node, is_lost: IsLost) -> Node | None:
         if not entry.is_map:
-            return self.left(entry, gone)
+            return self.without_lost(entry, is_lost)
         for key, node in entry.items():
             if key not in SIGNAL_FREE and (node.is_list or isinstance(node.value, str)):
-                left = self.left(node, gone)
-                if left is None:
+                rest = self.without_lost(node, is_lost)
+                if rest is None:
                     return None
-                if left is not node:
-                    entry = _labels_of(entry, node, left).with_item(key, left)
+                if rest is not node:
+                    entry = _labels_of(entry, node, rest).with_item(key, rest)
         return entry
 
 
-def _labels_of(entry: Node, items: Node, left: Node) -> Node:
+def _labels_of(entry: Node, items: Node, rest: Node) -> Node:
     """An entry whose lists of labels, one per signal, are those of the signals that are left."""
     for key in ("label", "labels"):
         labels = entry.get(key)
         if items.is_list and labels and labels.is_list and len(labels.value) == len(items.value):
-            kept = [
+            rest_labels = [
                 label
                 for label, item in zip(labels.value, items.value, strict=True)
-                if item in left.value
+                if item in rest.value
             ]
-            entry = entry.with_item(key, Node(kept, labels.where, labels.key))
+            entry = entry.with_item(key, Node(rest_labels, labels.where, labels.key))
     return entry

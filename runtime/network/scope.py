@@ -1,4 +1,8 @@
-"""Scopes of names: a graph's blocks and ports, and a scope for each of its parts."""
+"""Scopes of names: a graph's blocks and ports, and a scope for each of its parts.
+
+In: the sections of a graph or part. Out: what a name in it means. A block ``snn`` of the part
+``adaptive`` is ``snn`` inside, and ``adaptive.snn`` in the whole graph.
+"""
 
 from __future__ import annotations
 
@@ -82,4 +86,5 @@ def part_input(
 def is_optional(declared: Node) -> bool:
     """Whether a part's input may stay open; a value that is not a boolean counts as true."""
     node = declared.get("optional")
+    # A wrong value is reported where it is read; that the input is open would be a second message.
     return node is not None and node.value is not False

@@ -1,4 +1,8 @@
-"""Shapes of a network's outputs and states, with symbolic lengths resolved."""
+"""Shapes of a network's outputs and states, with symbolic lengths resolved.
+
+In: an address. Out: the shape of its array, e.g. ``("d", "n")`` of a Decoder's weights as (2, 100),
+where n is the length of the spikes that are wired to it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Units along the wires: units that contradict each other are refused."""
+"""Units along the wires: units that contradict each other are refused.
+
+In: a network with types. Out: problems and notes::
+
+    total: {terms: [pose.theta, clock.t]}    expected rad as 'pose.theta' has, got s from 'clock.t'
+"""
 
 from __future__ import annotations
 
@@ -38,11 +43,13 @@ class _Units:
         self.units: dict[tuple[str, str], str] = {}
         following: dict[str, list[tuple[tuple[str, str], Wire]]] = defaultdict(list)
         for wire in network.wires:
-            declared = self.port(wire).type
-            if isinstance(declared, Same) and not declared.own_unit:
-                key = (wire.block, declared.variable)
+            port_type = self.port(wire).type
+            if isinstance(port_type, Same) and not port_type.own_unit:
+                key = (wire.block, port_type.variable)
                 self.joined[key].append(wire)
                 following[wire.source.block].append((key, wire))
+        # A chain of generic blocks passes a unit on, so each wire is looked at again when a block
+        # before it has learned its unit; a unit is never changed, so this ends.
         queue = deque((key, wire) for key, wires in self.joined.items() for wire in wires)
         while queue:
             key, wire = queue.popleft()
@@ -56,22 +63,24 @@ class _Units:
 
     def check_joined(self) -> None:
         for wires in self.joined.values():
-            known = [(wire, unit) for wire in wires if (unit := self.of(wire.source))]
-            for wire, unit in known[1:]:
-                first, wanted = known[0]
-                if differ(unit, wanted):
-                    message = f"expected {wanted} as '{first.source_text}' has, "
+            pairs = [(wire, unit) for wire in wires if (unit := self.of(wire.source))]
+            for wire, unit in pairs[1:]:
+                # All are compared with the first: which of two units is the wrong one cannot be
+                # known.
+                first, expected = pairs[0]
+                if differ(unit, expected):
+                    message = f"expected {expected} as '{first.source_text}' has, "
                     message += f"got {unit} from '{wire.source_text}'"
                     self.problems.add(wire.where, wire.address, message + INTENDED)
 
     def notes(self) -> list[str]:
-        found = []
+        notes = []
         for wire in self.network.wires:
-            wanted, unit = self.port(wire).unit, self.of(wire.source)
-            if differ(unit, wanted):
-                message = f"expected {wanted}, got {unit} from '{wire.source_text}'{INTENDED}"
-                found.append(f"{wire.address}: {message}")
-        return found
+            expected, unit = self.port(wire).unit, self.of(wire.source)
+            if differ(unit, expected):
+                message = f"expected {expected}, got {unit} from '{wire.source_text}'{INTENDED}"
+                notes.append(f"{wire.address}: {message}")
+        return notes
 
     def of(self, end: Endpoint) -> str:
         """The unit of a signal; '' if it is not known or differs between components."""

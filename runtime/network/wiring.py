@@ -1,4 +1,10 @@
-"""Wires: from the text to the blocks and ports that they connect."""
+"""Wires: from the text to the blocks and ports that they connect.
+
+In: scopes with their sections ``wires``, and the blocks' ports. Out: a :class:`Wire` for each::
+
+    wires: {total: {terms: [lqr.command, adaptive.command]}}
+    ->  Wire(lqr.command, "total", "terms", term=0), Wire(adaptive.join.out, "total", "terms", 1)
+"""
 
 from __future__ import annotations
 
@@ -22,7 +28,7 @@ Input = tuple[str, str]
 class Wiring:
     """Resolves the wires of a network; reports those that lead to or from nothing.
 
-    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``settled`` holds
+    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``connected`` holds
     the inputs of blocks and parts that need no further message: something is wired to them, even
     if it is wrong. ``open_for`` says why the wire that is written to an input leads to nothing.
     """
@@ -34,10 +40,11 @@ class Wiring:
         self.part_wires: list[Wire] = []
         self.part_inputs: dict[str, SignalType] = {}
         self.terms: dict[Input, tuple[bool, ...]] = {}
-        self.settled: set[Input] = set()
+        self.connected: set[Input] = set()
         self.open_for: dict[Input, str] = {}
         for scope in network.scope.walk():
             for name, node in scope.outputs.items():
+                # Also where nothing reads the output.
                 self.check_source(scope, node, scope.path("outputs", name))
             for name, node in scope.inputs.items():
                 address = scope.path("inputs", name)
@@ -54,8 +61,8 @@ class Wiring:
         entry = self.network.entries.get(scope.prefix + name)
         return [] if entry is None else list(entry.cls.spec.inputs)
 
-    def settle(self, scope: Scope, name: str) -> None:
-        self.settled |= {(scope.prefix + name, port) for port in self.inputs(scope, name)}
+    def mark_connected(self, scope: Scope, name: str) -> None:
+        self.connected |= {(scope.prefix + name, port) for port in self.inputs(scope, name)}
 
     def consumer(self, scope: Scope, name: str, ports: Node) -> None:
         address = scope.path("wires", name)
@@ -68,17 +75,18 @@ class Wiring:
             if head in known:
                 near = ""
                 suggestion = f"; write {head}: {{{port}: ...}}"
-                self.settled.add((scope.prefix + head, port))
+                self.connected.add((scope.prefix + head, port))
             elif near:
                 suggestion = hint(name, known)
             self.problems.add(ports.key, address, f"there is no block '{name}'{suggestion}", True)
             if not near:
                 return
-            self.settle(scope, near)
+            # The wires are meant for the block of the similar name: it is not reported as open.
+            self.mark_connected(scope, near)
         if not ports.is_map:
             message = f"expected {{input: producer.output}}, got {ports.describe()}"
             self.problems.add(ports.where, address, message)
-            self.settle(scope, name)
+            self.mark_connected(scope, name)
             return
         inputs = self.inputs(scope, name)
         entry = self.network.entries.get(scope.prefix + name)
@@ -100,7 +108,7 @@ class Wiring:
         inputs = self.inputs(scope, name)
         full = scope.prefix + name
         # The input is connected, if by a misspelt name.
-        self.settled.add((full, closest(port, inputs)))
+        self.connected.add((full, closest(port, inputs)))
         suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
         entry = self.network.entries.get(full)
         relative = relative_with(entry.cls, port) if entry is not None else ""
@@ -127,31 +135,33 @@ class Wiring:
     ) -> bool:
         """Add one wire; returns whether something is now connected."""
         try:
-            found = self.source(entry.scope, node, address)
+            target = self.source(entry.scope, node, address)
         except UnwiredError as error:
+            # A part's input that must be wired is reported itself; one that may be open leaves this
+            # input without a source, which is then what has to be reported.
             self.open_for[entry.name, port] = str(error)
             if not is_optional(error.scope.inputs[error.port]):
-                self.settled.add((entry.name, port))
+                self.connected.add((entry.name, port))
             return False
-        self.settled.add((entry.name, port))
-        if found is not None:
-            place = (node.where, address, found.via, node.value)
-            self.wires.append(Wire(found.end, entry.name, port, term, *place))
-        return found is not None
+        self.connected.add((entry.name, port))
+        if target is not None:
+            place = (node.where, address, target.via, node.value)
+            self.wires.append(Wire(target.end, entry.name, port, term, *place))
+        return target is not None
 
     def part_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
         full = scope.prefix + name
         try:
-            found = self.source(scope, node, address)
+            target = self.source(scope, node, address)
         except UnwiredError as error:
             self.open_for[full, port] = str(error)
             if not is_optional(error.scope.inputs[error.port]):
-                self.settled.add((full, port))
+                self.connected.add((full, port))
             return
-        self.settled.add((full, port))
-        if found is not None:
-            place = (node.where, address, found.via, node.value)
-            self.part_wires.append(Wire(found.end, full, port, None, *place))
+        self.connected.add((full, port))
+        if target is not None:
+            place = (node.where, address, target.via, node.value)
+            self.part_wires.append(Wire(target.end, full, port, None, *place))
 
     def check_source(self, scope: Scope, node: Node, address: str) -> None:
         try:
@@ -175,7 +185,7 @@ class Wiring:
             self.problems.add(node.where, address, message)
             return None
         try:
-            found = find(scope, node.value)
+            target = find(scope, node.value)
         except UnwiredError:
             raise
         except ReportedError:
@@ -183,8 +193,8 @@ class Wiring:
         except AddressError as error:
             self.problems.add(*(error.location or (node.where, address)), str(error), True)
             return None
-        text = check_output(self.network, found.end)
+        text = check_output(self.network, target.end)
         if text:
-            self.problems.add(*(found.location or (node.where, address)), text, True)
+            self.problems.add(*(target.location or (node.where, address)), text, True)
             return None
-        return found if found.end.block in self.network.entries else None
+        return target if target.end.block in self.network.entries else None

@@ -1,7 +1,13 @@
 """Observation: what a run records, draws and measures.
 
-``reader`` reads the sections probes, plots and metrics; ``metrics`` (with ``wall_metrics``) and
-``plots`` hold the registries of kinds; ``run_data`` is the data of a finished run.
+In: a network and its sections probes, plots and metrics. Out: an :class:`Observation` before the
+run, and the :class:`RunData` of a finished one.
+
+    reader          the three sections -> Observation      probes     which columns, in which units
+    metrics         the registry of metrics' kinds         plots      the registry of plots' kinds
+    *_metrics       the formulas, by subject               run_data   arrays and metrics of a run
+
+How something is drawn is above, in runtime.plots: a run without figures needs no matplotlib.
 """
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions, NumberOptions

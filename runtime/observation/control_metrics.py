@@ -1,4 +1,8 @@
-"""Metrics of control: what a controller spends, how smooth it is, and how it recovers."""
+"""Metrics of control: what a controller spends, how smooth it is, and how it recovers.
+
+In: recorded commands or errors, (rows,) or (rows, columns). Out: one number, as the root mean
+square of ``[lqr.command.v, lqr.command.omega]``, each divided by its limit.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,7 @@ from runtime.observation.metric_kinds import (
 )
 
 
-class Scaled(MetricOptions):
+class ScaleOptions(MetricOptions):
     """The size by which each column is divided."""
 
     scale: FloatArray = param(
@@ -30,7 +34,7 @@ class Scaled(MetricOptions):
     )
 
 
-class Limits(MetricOptions):
+class LimitOptions(MetricOptions):
     """The limits of a command."""
 
     limit: FloatArray = param(
@@ -38,7 +42,7 @@ class Limits(MetricOptions):
     )
 
 
-class Step(MetricOptions):
+class RecoveryOptions(MetricOptions):
     """A step in a fault, and when a signal has recovered from it."""
 
     at: float = param(unit="s", at_least=0.0, doc="time of the step")
@@ -78,6 +82,7 @@ def smoothness(series: Mapping[str, Series], options: Mapping[str, Any]) -> floa
 
 def saturation(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     """Share of the rows in which a column is at its limit or beyond."""
+    # A clipped command equals its limit up to rounding.
     reached = np.abs(_columns(series)) >= np.atleast_1d(options["limit"]) * (1.0 - 1e-9)
     return float(reached.any(axis=1).mean())
 
@@ -91,15 +96,16 @@ def recovery_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     last = t[-1] if options["until"] is None else options["until"]
     first, end = np.searchsorted(t, (options["at"] - 1e-9, last - 1e-9)).tolist()
     end = len(t) if options["until"] is None else end
+    # Not `>`: a comparison with NaN is false, and NaN is outside.
     outside = ~(np.abs(_columns(series)[first:end]) <= np.atleast_1d(options["band"]))
     late = np.flatnonzero(outside.any(axis=1))
-    entered = first + (int(late[-1]) + 1 if len(late) else 0)
-    if entered >= end or t[end - 1] - t[entered] < options["hold"] - 1e-9:
+    first_inside = first + (int(late[-1]) + 1 if len(late) else 0)
+    if first_inside >= end or t[end - 1] - t[first_inside] < options["hold"] - 1e-9:
         return None
-    return max(0.0, float(t[entered]) - float(options["at"]))
+    return max(0.0, float(t[first_inside]) - float(options["at"]))
 
 
-def _ordered(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
+def _check_times(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
     if options["until"] is not None and options["until"] <= options["at"]:
         message = f"must lie after at = {options['at']:g} s, got {show(options['until'])}"
         yield "until", message
@@ -109,14 +115,14 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
     "effort": MetricKind(
         effort,
         "root of the mean square of a command, its columns taken together, each divided by `scale`",
-        options=Scaled,
+        options=ScaleOptions,
         forms=("columns",),
         ends=POSITIVE,
     ),
     "effort_change": MetricKind(
         effort_change,
         "the same of the change from one recorded row to the next",
-        options=Scaled,
+        options=ScaleOptions,
         forms=("columns",),
         ends=POSITIVE,
     ),
@@ -124,7 +130,7 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
         smoothness,
         "total variation per second: the sum of the sizes of all changes, each column divided by "
         "`scale`; smaller is smoother",
-        options=Scaled,
+        options=ScaleOptions,
         unit="1/s",
         forms=("columns",),
         ends=POSITIVE,
@@ -132,7 +138,7 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
     "saturation": MetricKind(
         saturation,
         "share of the rows in which a column is at its `limit` or beyond",
-        options=Limits,
+        options=LimitOptions,
         forms=("columns",),
         ends=SHARE,
     ),
@@ -140,10 +146,10 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
         recovery_time,
         "time (s) after the step `at` from which all columns stay within ±`band` up to `until`, "
         "for `hold` at least; null if never",
-        options=Step,
+        options=RecoveryOptions,
         unit="s",
         forms=("columns",),
-        agrees=_ordered,
+        agrees=_check_times,
         never="never recovered",
         ends=POSITIVE,
     ),

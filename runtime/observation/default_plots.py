@@ -1,4 +1,7 @@
-"""The plots of a graph that has no section ``plots``: one for each probe."""
+"""The plots of a graph that has no section ``plots``: one for each probe.
+
+In: the probes. Out: a plot of the kind that suits each: spikes as a raster, a pose as a trajectory.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,10 @@ MOST_PLOTS, MOST_LINES = 12, 12
 
 def default_plots(probes: Iterable[Probe]) -> list[PlotSpec]:
     """A plot for each probe that changes, of the kind that fits what it records."""
-    shown = [probe for probe in probes if not probe.auto and not probe.constant and probe.labels]
+    drawable = [probe for probe in probes if not probe.auto and not probe.constant and probe.labels]
     return [
         PlotSpec(probe.name, _kind(probe), (probe.name,), title_of(probe.name))
-        for probe in shown[:MOST_PLOTS]
+        for probe in drawable[:MOST_PLOTS]
     ]
 
 

@@ -15,14 +15,14 @@ from runtime.network import own_object
 from runtime.observation.other_names import OTHER_NAMES
 
 
-class Declared(Protocol):
+class HasKeys(Protocol):
     """What a kind declares for the checks of its entries: the keys that they take."""
 
     @property
     def keys(self) -> tuple[str, ...]: ...
 
 
-K = TypeVar("K", bound=Declared)
+K = TypeVar("K", bound=HasKeys)
 
 
 @dataclass(frozen=True)
@@ -61,18 +61,18 @@ def choose(
     ``known`` are the kinds that a message should list, given the one that is written.
     """
     written, files = node.get("kind"), dict[str, bytes]()
-    asked = "" if written is None else str(written.plain())
+    name = "" if written is None else str(written.plain())
     if node.get("module") is not None:
-        found: tuple[K, dict[str, bytes]] | None = own_object(
+        definition: tuple[K, dict[str, bytes]] | None = own_object(
             node, kinds.kind, kinds.wanted, address, problems, modules
         )
-        if found is None:
+        if definition is None:
             return None
         declared: K | None
-        declared, files = found
+        declared, files = definition
     else:
-        declared = kinds.get(asked)
-        broken = "" if declared is not None else kinds.why_broken(asked)
+        declared = kinds.get(name)
+        broken = "" if declared is not None else kinds.why_broken(name)
         if written is not None and broken:
             problems.add(written.where, f"{address}.kind", broken)
             return None
@@ -81,8 +81,8 @@ def choose(
     keys = tuple(dict.fromkeys(every))
     check_keys(node, keys, address, problems, "key")
     if declared is None:
-        _report_kind(node, known(asked), keys, f"{address}.kind", problems)
-    return Chosen("" if declared is None else asked, declared, keys, files)
+        _report_kind(node, known(name), keys, f"{address}.kind", problems)
+    return Chosen("" if declared is None else name, declared, keys, files)
 
 
 def _report_kind(

@@ -1,4 +1,10 @@
-"""What a kind of metric declares: its formula, its options and its signals."""
+"""What a kind of metric declares: its formula, its options and its signals.
+
+In: the options and signals of an entry. Out: their errors before the run, and the value after it::
+
+    RMS = MetricKind(lambda series, options: math.sqrt((series["of"].values ** 2).mean()),
+                     "root of the mean square", unit="of", ends=POSITIVE)
+"""
 
 from __future__ import annotations
 
@@ -42,6 +48,7 @@ class Series:
     t: FloatArray
     values: FloatArray
 
+    # Times are k * dt: a row at 0.30000000000000004 s is one at 0.3 s.
     def between(self, start: float, end: float = math.inf) -> Series:
         """The rows from ``start`` on and before ``end`` (s), up to rounding."""
         # Times ascend, so a slice is enough; it copies nothing.
@@ -137,10 +144,12 @@ class MetricKind:
         if self.in_world is not None and not has_world:
             yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
         sizes = {role: signal.width for role, signal in probes.items()}
+        # Shapes of options say 'columns' for as many as the signal has.
         if "of" in sizes:
             sizes["columns"] = sizes["of"]
         faults = dict(self.options.check(options, sizes))
         yield from faults.items()
+        # Options that are wrong cannot be read, and what they mean together is then unknown.
         window = self.options.read(options) if not faults else {}
         if window.get("until") is not None and window["until"] <= window["after"]:
             yield (

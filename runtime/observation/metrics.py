@@ -1,4 +1,11 @@
-"""Metrics: one number from recorded signals; METRIC_KINDS is the registry of their kinds."""
+"""Metrics: one number from recorded signals; METRIC_KINDS is the registry of their kinds.
+
+In: a metric of a graph and the recorded probes. Out: its value, None if it has none::
+
+    miss: {kind: rms, of: error.lateral, after: 2, below: 0.05}
+    metric = Metric("miss", "rms", {"of": "error.lateral"}, {"after": 2, "below": 0.05})
+    metric.value(probes)    # 0.021
+"""
 
 from __future__ import annotations
 
@@ -55,7 +62,7 @@ class Metric:
     own: MetricKind | None = None
 
     @property
-    def declared(self) -> MetricKind:
+    def definition(self) -> MetricKind:
         """Its kind."""
         return METRIC_KINDS[self.kind] if self.own is None else self.own
 
@@ -76,15 +83,17 @@ class Metric:
         if any(not len(s.t) for s in series.values()):
             return None
         if "engaged" in series:
+            # From the first row in which the switch is on, with which a robot's wandering before is
+            # left out.
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].between(math.inf if engaged is None else engaged)
-        number = self.declared.value(series, self.options, world)
+        number = self.definition.value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
     @property
     def never(self) -> str:
         """What it means that it has no value, where that is worse than any; see MetricKind."""
-        return self.declared.never
+        return self.definition.never
 
     def is_recorded(self, probes: Container[str]) -> bool:
         """Whether all signals that it measures are recorded."""
@@ -92,11 +101,12 @@ class Metric:
 
     def unit(self, units: Mapping[str, tuple[str, ...]], time_unit: str) -> str:
         """The unit of its value, given the units of the probes' columns; '' if it has none."""
-        declared = self.declared.unit
+        unit_of_kind = self.definition.unit
         columns = units.get(self.inputs.get("of") or "", ())
-        first, *rest = declared.split() or [""]
+        first, *rest = unit_of_kind.split() or [""]
         own = columns[0] if columns else ""
         if first == "of²":
+            # The square of m/s is (m/s)², of m is m².
             first = f"({own})²" if re.search(r"\W", own) else f"{own}²" if own else ""
         else:
             first = own if first == "of" else in_time(first, time_unit)
@@ -105,10 +115,10 @@ class Metric:
     def expectation(self, value: float | None) -> str:
         """How a value violates ``below`` or ``above``; '' if it does not."""
         for key, holds in (("below", float.__lt__), ("above", float.__gt__)):
-            bound = self.options.get(key)
-            if bound is not None and (value is None or not holds(value, float(bound))):
+            level = self.options.get(key)
+            if level is not None and (value is None or not holds(value, float(level))):
                 got = "none" if value is None else f"{value:g}"
-                return f"metric '{self.name}': expected {key} {bound:g}, got {got}"
+                return f"metric '{self.name}': expected {key} {level:g}, got {got}"
         return ""
 
 
@@ -117,7 +127,7 @@ def _matrix(weight: Any, n: int) -> FloatArray:
     return np.diag(array.reshape(n)) if array.shape == (n,) or n == array.size == 1 else array
 
 
-class Band(response_metrics.Target):
+class SettlingOptions(response_metrics.TargetOptions):
     """When a signal is settled."""
 
     band: FloatArray = param(
@@ -130,13 +140,13 @@ class Band(response_metrics.Target):
     )
 
 
-class Level(NumberOptions):
+class LevelOptions(NumberOptions):
     """The level that a signal is compared with."""
 
     level: float = param(0.5, doc="the level")
 
 
-class Weights(MetricOptions):
+class WeightOptions(MetricOptions):
     """The weights of the paper's cost: one number per column, or a matrix."""
 
     q: FloatArray = param(shape=[(), ("state",), ("state", "state")], doc="weights Q of the state")
@@ -153,7 +163,7 @@ def _same_rows(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> C
     for key, role in (("q", "state"), ("r", "command"), ("q_final", "state")):
         n = probes[role].width if role in probes else 1
         if key in options and n != 1 and np.ndim(options[key]) == 0:
-            message = f"expected {Weights.declared[key].describe({role: n})}"
+            message = f"expected {WeightOptions.declared[key].describe({role: n})}"
             yield key, f"{message.replace('a number or ', '')}, got {show(options[key])}"
     rates = {role: signal.every for role, signal in probes.items()}
     if len(set(rates.values())) > 1:
@@ -187,6 +197,7 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     s = response_metrics.deviation(series, options)
     band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
     first = 0
+    # In blocks, since the recording may be larger than memory; the last row outside decides.
     for rows, (values,) in row_blocks(s.values):
         outside = ~(np.abs(values) <= band)  # NaN is outside, too
         late = np.flatnonzero(outside.reshape(len(values), -1).any(axis=1))
@@ -229,7 +240,7 @@ _OWN: dict[str, MetricKind] = {
         settling_time,
         "first time (s) from which all columns stay within ±`band` of `target` or of the signal "
         "`reference` to the end, for `hold` at least; null if never",
-        options=Band,
+        options=SettlingOptions,
         optional=(REFERENCE,),
         agrees=alike,
         unit="s",
@@ -262,7 +273,7 @@ _OWN: dict[str, MetricKind] = {
     "first_time": MetricKind(
         first_time,
         "first time (s) above `level`; null if never",
-        options=Level,
+        options=LevelOptions,
         unit="s",
         ends=POSITIVE,
     ),
@@ -277,7 +288,7 @@ _OWN: dict[str, MetricKind] = {
     "share_above": MetricKind(
         share_above,
         "share of the time above `level`",
-        options=Level,
+        options=LevelOptions,
         ends=SHARE,
     ),
     "path_length": MetricKind(
@@ -299,7 +310,7 @@ _OWN: dict[str, MetricKind] = {
         lqr_cost,
         "the paper's J: 1/2 sum (x'Qx + u'Ru) + 1/2 x_N' Q_f x_N",
         inputs=("state", "command"),
-        options=Weights,
+        options=WeightOptions,
         forms=("columns",),
         agrees=_same_rows,
     ),

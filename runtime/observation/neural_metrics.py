@@ -1,4 +1,7 @@
-"""Metrics of populations of neurons: errors of decoded values, rates, events of synapses."""
+"""Metrics of populations of neurons: errors of decoded values, rates, events of synapses.
+
+In: recorded spikes (rows, neurons), of 1/dt each, or decoded values. Out: one number, as 23.4 Hz.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +21,14 @@ from runtime.observation.metric_kinds import (
 )
 
 
-class Delayed(MetricOptions):
+class ReferenceOptions(MetricOptions):
     """What is done to the reference before it is compared."""
 
     delay: float = param(0.0, unit="s", at_least=0.0, doc="the reference is compared as it was")
     tau: float = param(0.0, unit="s", at_least=0.0, doc="lowpass that the reference passes first")
 
 
-class Synapses(MetricOptions):
+class SynapseOptions(MetricOptions):
     """How many synapses a spike reaches."""
 
     synapses: int = param(1, at_least=1, doc="targets of each neuron")
@@ -35,24 +38,25 @@ def rmse(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | No
     """Root of the mean squared distance between two signals, of equal rows."""
     of, reference = series["of"], series["reference"]
     values = of.values.reshape(len(of.t), -1)
-    wanted = np.broadcast_to(reference.values.reshape(len(reference.t), -1), values.shape)
+    target = np.broadcast_to(reference.values.reshape(len(reference.t), -1), values.shape)
     step = float(of.t[1] - of.t[0]) if len(of.t) > 1 else math.inf
     if options["tau"] > 0.0:
-        wanted = _lowpassed(wanted, -math.expm1(-step / options["tau"]))
+        target = _lowpass(target, -math.expm1(-step / options["tau"]))
     lag = round(options["delay"] / step)
     if lag:
-        values, wanted = values[lag:], wanted[:-lag]
+        # Row k is compared with the reference `delay` earlier; the first rows have none.
+        values, target = values[lag:], target[:-lag]
     if not len(values):
         return None
-    return math.sqrt(float(np.square(values - wanted).sum(axis=1).mean()))
+    return math.sqrt(float(np.square(values - target).sum(axis=1).mean()))
 
 
-def _lowpassed(values: FloatArray, share: float) -> FloatArray:
+def _lowpass(values: FloatArray, share: float) -> FloatArray:
     """The exact response of a lowpass to an input that holds between rows, from its first value."""
-    found = values.copy()
+    filtered = values.copy()
     for k in range(1, len(values)):
-        found[k] = found[k - 1] + share * (values[k - 1] - found[k - 1])
-    return found
+        filtered[k] = filtered[k - 1] + share * (values[k - 1] - filtered[k - 1])
+    return filtered
 
 
 def firing_rate(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
@@ -71,7 +75,7 @@ NEURAL_KINDS: dict[str, MetricKind] = {
     "rmse": MetricKind(
         rmse,
         "root of the mean square of the difference from `reference`",
-        options=Delayed,
+        options=ReferenceOptions,
         inputs=("of", "reference"),
         forms=("columns",),
         agrees=alike,
@@ -89,7 +93,7 @@ NEURAL_KINDS: dict[str, MetricKind] = {
     "synaptic_operations": MetricKind(
         synaptic_operations,
         "events at synapses per second: spikes of all neurons times the `synapses` of each",
-        options=Synapses,
+        options=SynapseOptions,
         forms=("columns",),
         unit="1/s",
         ends=POSITIVE,

@@ -1,4 +1,8 @@
-"""What the sections probes, plots and metrics of a graph amount to."""
+"""What the sections probes, plots and metrics of a graph amount to.
+
+In: probes, plots and metrics, as the reader makes them. Out: questions about all of them: the
+metrics' units, the plots to draw, or what of it a sweep needs that draws no plots.
+"""
 
 from __future__ import annotations
 
@@ -48,14 +52,14 @@ class Observation:
     def metric_units(self) -> dict[str, str]:
         """The units of the metrics that have one."""
         columns = {name: probe.units for name, probe in self.probes.items()}
-        found = {metric.name: metric.unit(columns, self.time_unit) for metric in self.metrics}
-        return {name: unit for name, unit in found.items() if unit}
+        units = {metric.name: metric.unit(columns, self.time_unit) for metric in self.metrics}
+        return {name: unit for name, unit in units.items() if unit}
 
     @property
     def metric_ends(self) -> dict[str, tuple[float, float]]:
         """The least and the largest possible value of the metrics that have one."""
-        found = {metric.name: metric.declared.ends for metric in self.metrics}
-        return {name: ends for name, ends in found.items() if ends != ANY}
+        ends_of_kind = {metric.name: metric.definition.ends for metric in self.metrics}
+        return {name: ends for name, ends in ends_of_kind.items() if ends != ANY}
 
     @property
     def metric_never(self) -> dict[str, str]:

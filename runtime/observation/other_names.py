@@ -1,4 +1,7 @@
-"""What other tools call the kinds of plots and metrics."""
+"""What other tools call the kinds of plots and metrics.
+
+In: a kind that does not exist here, ``fft``. Out: the one that is meant, ``spectrum``.
+"""
 
 from __future__ import annotations
 

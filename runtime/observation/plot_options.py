@@ -1,4 +1,8 @@
-"""The options of plots: what every figure takes, and what kinds of plots add."""
+"""The options of plots: what every figure takes, and what kinds of plots add.
+
+In: the entries of a plot. Out: their declarations, which check, document and complete them:
+``{kind: xy, of: [a.x, a.y], xlim: [0, 1], compare: without=adaptive}``.
+"""
 
 from __future__ import annotations
 

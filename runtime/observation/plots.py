@@ -1,4 +1,11 @@
-"""Plots: PLOT_KINDS is the registry of their kinds, each with its options and its signals."""
+"""Plots: PLOT_KINDS is the registry of their kinds, each with its options and its signals.
+
+In: the entries of a plot and the probes that it shows. Out: a :class:`PlotSpec`, or why such a plot
+cannot show them, which is known before the run::
+
+    path: {kind: trajectory, of: plant.pose}
+    PlotSpec("path", "trajectory", ("plant.pose",), "Path", {"body_radius": 0.17})
+"""
 
 from __future__ import annotations
 
@@ -47,7 +54,7 @@ class PlotSpec:
     own: PlotKind | None = None
 
     @property
-    def declared(self) -> PlotKind:
+    def definition(self) -> PlotKind:
         """Its kind.
 
         Raises
@@ -64,8 +71,8 @@ class PlotSpec:
     @property
     def uses(self) -> tuple[str, ...]:
         """The names of all probes that it needs."""
-        named = (self.options.get(key) for key in self.declared.signals)
-        return (*self.of, *(name for name in named if name))
+        probes = (self.options.get(key) for key in self.definition.signals)
+        return (*self.of, *(name for name in probes if name))
 
 
 @dataclass(frozen=True)
@@ -115,41 +122,42 @@ def plot_keys(kind: str) -> tuple[str, ...]:
 def plot_kind_names(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those in a world only if there is one."""
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
-    named = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
-    return PLOT_KINDS.names(named)
+    names = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
+    return PLOT_KINDS.names(names)
 
 
-def check_options(declared: PlotKind, options: Mapping[str, Any], has_world: bool) -> Checks:
+def check_options(kind: PlotKind, options: Mapping[str, Any], has_world: bool) -> Checks:
     """All errors in a plot's options, as (key, text)."""
-    if declared.in_world and not has_world:
+    if kind.in_world and not has_world:
         yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
-    faults = dict(declared.options.check(options))
+    faults = dict(kind.options.check(options))
     yield from faults.items()
     if not faults:
-        yield from declared.agrees(options)
+        yield from kind.agrees(options)
 
 
-def used_options(declared: PlotKind, options: Mapping[str, Any]) -> dict[str, Any]:
+def used_options(kind: PlotKind, options: Mapping[str, Any]) -> dict[str, Any]:
     """The declared options that are written, as numbers; none if one is wrong."""
-    if dict(declared.options.check(options)):
+    if dict(kind.options.check(options)):
         return {}
-    read = declared.options.read(options)
+    read = kind.options.read(options)
     return {key: plain(read[key]) for key in options if key in read}
 
 
-def source_options(declared: PlotKind, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
+def source_options(kind: PlotKind, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
     """Options from the blocks of the signals: bearings of a scan, radius of a robot."""
-    found: dict[str, Any] = {}
-    takes = declared.options.declared
+    options: dict[str, Any] = {}
+    takes = kind.options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
         block = network.entries[signal.end.block].block_or_none
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
             low, high = getattr(block, "angle_min", -math.pi), getattr(block, "angle_max", math.pi)
-            found.setdefault("angles", [float(low), float(high)])
+            # The first of them, if a plot shows several; what the graph says replaces it.
+            options.setdefault("angles", [float(low), float(high)])
         radius = getattr(block, "body_radius", None)
         if signal.kind == "Pose" and "body_radius" in takes and radius:
-            found.setdefault("body_radius", float(radius))
-    return found
+            options.setdefault("body_radius", float(radius))
+    return options
 
 
 def title_of(name: str) -> str:
@@ -166,7 +174,7 @@ def unfit(
     None if there are none, but too many of the signals ``written`` belong to removed blocks.
     """
     faults = []
-    kind = plot.declared
+    kind = plot.definition
     for key in kind.signals:
         signal = known.get(str(plot.options.get(key)))
         if signal is not None and (len(signal.shape) > 1 or math.prod(signal.shape) != 1):
@@ -178,6 +186,7 @@ def unfit(
     items = [written] if isinstance(written, str) else written
     message = kind.together(probes)
     is_short = len(plot.of) < len(items)
+    # Without a removed block, a comparison of two signals has one left: no mistake, but no plot.
     if is_short and (message or (kind.has_lead and plot.of[0] != items[0])):
         return None
     return [*faults, ("of", message)] if message else faults
@@ -209,7 +218,7 @@ def _spikes(probe: Probe) -> str:
     return "" if _kinds(probe) == {"Spikes"} else "a raster needs spikes, as in snn.spikes"
 
 
-def _tuned(probe: Probe) -> str:
+def _tuning_problem(probe: Probe) -> str:
     return "" if _kinds(probe) == {"Tuning"} else "expected the spikes of an Ensemble"
 
 
@@ -237,7 +246,7 @@ def _poses(kind: str) -> Callable[[Probe], str]:
     return lambda probe: "" if _alone(probe) == "Pose" else message
 
 
-def _scanned(probe: Probe) -> str:
+def _scan_problem(probe: Probe) -> str:
     if _alone(probe) in SCANNED:
         return ""
     return "scans need one Pose, Scan, PointCloud or Path each, as in lidar.scan"
@@ -306,13 +315,13 @@ _OWN: dict[str, PlotKind] = {
         "(the others 0), from the tuning at the start: `runtime explain --plots` draws it "
         "without a run",
         of_tuning=True,
-        each=_tuned,
+        each=_tuning_problem,
     ),
     "response_curves": PlotKind(
         "steady rates of an Ensemble's neurons over the input along their own encoders, and "
         "histograms of intercepts and largest rates; likewise without a run",
         of_tuning=True,
-        each=_tuned,
+        each=_tuning_problem,
     ),
     "decoded": PlotKind(
         "a decoded signal and the ideal one, the first and the second of `of`: mean and standard "
@@ -354,7 +363,7 @@ _OWN: dict[str, PlotKind] = {
         agrees=moments,
         signals=("engaged",),
         in_world=True,
-        each=_scanned,
+        each=_scan_problem,
         together=_one_of_each,
     ),
 }

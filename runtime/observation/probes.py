@@ -1,4 +1,10 @@
-"""Probes: the recorded signals, with the name and unit of each column."""
+"""Probes: the recorded signals, with the name and unit of each column.
+
+In: an address and the network. Out: a :class:`Signal`, and a :class:`Probe` of one or several::
+
+    probes: {errors: {of: [error.position, error.heading], every: 10}}
+    labels ("error.position.x", "error.position.y", "error.heading"), units ("m", "m", "rad")
+"""
 
 from __future__ import annotations
 
@@ -26,8 +32,8 @@ PROBE_KEYS = {
     "of": "an address, or several side by side",
     "every": "base ticks between two rows",
     "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
-    "label": "what figures call it: a text for each signal, or for each column",
-    "unit": "of signals that have none: a text for each signal, or for each column",
+    "label": "what figures call it: a string for each signal, or for each column",
+    "unit": "of signals that have none: a string for each signal, or for each column",
 }
 
 
@@ -36,9 +42,9 @@ class Signal:
     """A recorded output or state: its source, its shape, the names of its columns.
 
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
-    ``name`` is what figures call it, '' for its address, and ``given`` what they call each column.
-    ``publisher`` is the method of the block that describes the neurons behind a signal, if it is
-    their tuning that is recorded. ``held`` tells whether it keeps its value between two ticks.
+    ``name`` is what figures call it, '' for its address, and ``column_names`` what they call each
+    column. ``publisher`` is the method of the block that describes the neurons behind a signal, if
+    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks.
     """
 
     address: str
@@ -52,15 +58,15 @@ class Signal:
     is_event: bool = False
     constant: bool = False
     name: str = ""
-    given: tuple[str, ...] = ()
+    column_names: tuple[str, ...] = ()
     publisher: str = ""
     held: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
         """What figures call each column; '' for its label."""
-        if self.given:
-            return self.given
+        if self.column_names:
+            return self.column_names
         if not self.name or len(self.labels) < 2:
             return (self.name,) * len(self.labels)
         return tuple(f"{self.name}{label[len(self.address) :]}" for label in self.labels)
@@ -102,6 +108,7 @@ class Probe:
         """Shape of one row."""
         if len(self.signals) == 1:
             return self.signals[0].shape
+        # Side by side; a signal alone keeps its own shape, so that a scalar is (rows,).
         return (sum(signal.width for signal in self.signals),)
 
     @property
@@ -130,9 +137,9 @@ class Probe:
             return "constant and changing signals need separate probes"
         if self.synapse is not None and self.constant:
             return "a constant needs no synapse"
-        return self.missed()
+        return self.missed_event()
 
-    def missed(self) -> str:
+    def missed_event(self) -> str:
         """Which event a probe would miss or repeat; '' if none."""
         for signal in self.signals:
             if signal.is_event and signal.every != self.input_every:
@@ -144,6 +151,7 @@ class Probe:
         return ""
 
     def rows(self, ticks: int) -> int:
+        # Rounded up: the first row is that of tick 0.
         return 1 if self.constant else -(-ticks // self.every)
 
     @property
@@ -161,7 +169,7 @@ def own_rate(signals: Sequence[Signal]) -> int:
     return min(signal.every for signal in signals)
 
 
-def described(
+def describe_signals(
     signals: list[Signal | None],
     node: Node | None,
     address: str,
@@ -174,20 +182,20 @@ def described(
     """
     if node is None:
         return signals
-    found = [item.value for item, _ in strings(node, address, "a text", problems)]
-    if not found or (None in signals and len(found) != len(signals)):
+    words = [item.value for item, _ in strings(node, address, "a string", problems)]
+    if not words or (None in signals and len(words) != len(signals)):
         return signals
-    kept = [signal for signal in signals if signal is not None]
-    if len(kept) < len(signals):
-        found = [text for text, signal in zip(found, signals, strict=True) if signal]
+    present = [signal for signal in signals if signal is not None]
+    if len(present) < len(signals):
+        words = [text for text, signal in zip(words, signals, strict=True) if signal]
     try:
-        return list(describe(kept, found)) if kept else signals
+        return list(describe(present, words)) if present else signals
     except ValueError as error:
         problems.add(node.where, address, str(error))
         return signals
 
 
-def named(signals: Sequence[Signal], names: Sequence[str]) -> list[Signal]:
+def with_names(signals: Sequence[Signal], names: Sequence[str]) -> list[Signal]:
     """Signals with names for figures: one for each signal, or one for each column.
 
     Raises
@@ -196,11 +204,11 @@ def named(signals: Sequence[Signal], names: Sequence[str]) -> list[Signal]:
     """
     if len(names) == len(signals):
         return [replace(each, name=name) for each, name in zip(signals, names, strict=True)]
-    given = _by_column(signals, names)
-    return [replace(each, given=row) for each, row in zip(signals, given, strict=True)]
+    rows = _by_column(signals, names)
+    return [replace(each, column_names=row) for each, row in zip(signals, rows, strict=True)]
 
 
-def in_units(signals: Sequence[Signal], units: Sequence[str]) -> list[Signal]:
+def with_units(signals: Sequence[Signal], units: Sequence[str]) -> list[Signal]:
     """Signals with units: one for each signal, or one for each column.
 
     Raises
@@ -209,23 +217,23 @@ def in_units(signals: Sequence[Signal], units: Sequence[str]) -> list[Signal]:
     """
     if len(units) == len(signals):
         units = [u for u, each in zip(units, signals, strict=True) for _ in each.labels]
-    given = _by_column(signals, units)
-    for each, row in zip(signals, given, strict=True):
+    rows = _by_column(signals, units)
+    for each, row in zip(signals, rows, strict=True):
         if any(each.units) and each.units != row:
             own = ", ".join(unit or "none" for unit in dict.fromkeys(each.units))
             raise ValueError(f"'{each.address}' has a unit of its own: {own}")
-    return [replace(each, units=row) for each, row in zip(signals, given, strict=True)]
+    return [replace(each, units=row) for each, row in zip(signals, rows, strict=True)]
 
 
-def _by_column(signals: Sequence[Signal], given: Sequence[str]) -> list[tuple[str, ...]]:
-    """The texts of each signal's columns."""
+def _by_column(signals: Sequence[Signal], words: Sequence[str]) -> list[tuple[str, ...]]:
+    """The words for each signal's columns."""
     counts = [len(signal.labels) for signal in signals]
-    if len(given) != sum(counts):
+    if len(words) != sum(counts):
         each = f"each of the {len(signals)} signals" if len(signals) > 1 else "the signal"
         columns = f", or for each of the {sum(counts)} columns" if sum(counts) > len(counts) else ""
-        raise ValueError(f"expected a text for {each}{columns}; got {len(given)}")
-    left = iter(given)
-    return [tuple(islice(left, count)) for count in counts]
+        raise ValueError(f"expected a string for {each}{columns}; got {len(words)}")
+    rest = iter(words)
+    return [tuple(islice(rest, count)) for count in counts]
 
 
 def no_component(network: Network, end: Endpoint) -> str:
@@ -269,12 +277,12 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     units = tuple(in_time(unit, network.time_unit) for unit in units)
     constant = spec.outputs[end.port].constant
     shape, name = kind_at.shape, kind_at.name
-    shown = "" if end.component or shape else spec.outputs[end.port].label
+    name_shown = "" if end.component or shape else spec.outputs[end.port].label
     held = (end.block, end.port) not in network.moving
     return Signal(
         *(label, end, shape, labels, units, name, entry.every),
         constant=constant,
-        name=shown,
+        name=name_shown,
         held=held,
     )
 

@@ -1,4 +1,10 @@
-"""Reading the sections probes, plots and metrics into what a run records, draws and measures."""
+"""Reading the sections probes, plots and metrics into what a run records, draws and measures.
+
+In: a network with its document. Out: an :class:`Observation`. A plot or metric may name a probe or
+an address, which is then recorded by itself::
+
+    metrics: {miss: {kind: rms, of: error.lateral}}    ->    probes["error.lateral"], auto=True
+"""
 
 from __future__ import annotations
 
@@ -52,13 +58,13 @@ from runtime.observation.probes import (
     MAX_RECORDING,
     PROBE_KEYS,
     Signal,
-    described,
-    in_units,
+    describe_signals,
     make_signal,
     make_tuning,
-    named,
     no_component,
     own_rate,
+    with_names,
+    with_units,
 )
 from runtime.observation.probes import Probe as Probe
 from runtime.terminal import readable_bytes
@@ -74,14 +80,14 @@ def observe(network: Network, problems: Problems, modules: Modules = True) -> Ob
     """
     reader = _Reader(network, problems, modules)
     reader.read(network.document)
-    probes = reader.seen.probes.values()
+    probes = reader.observation.probes.values()
     total = sum(probe.size(network.ticks) for probe in probes)
     if total > MAX_RECORDING and not problems.items:
         worst = max(probes, key=lambda probe: probe.size(network.ticks))
         message = f"recording takes {readable_bytes(total)}, most of it '{worst.name}'; record it "
         message += f"less often, {{of: {worst.signals[0].end}, every: 100}}, or run shorter"
         problems.add(*reader.places[worst.name], message)
-    return reader.seen
+    return reader.observation
 
 
 class _Reader:
@@ -92,7 +98,7 @@ class _Reader:
         self.problems = problems
         # A world with errors is reported once, at its own location.
         self.has_world = (network.document.get("world") or Node(None)).value is not None
-        self.seen = Observation(notes=list(network.notes), time_unit=network.time_unit)
+        self.observation = Observation(notes=list(network.notes), time_unit=network.time_unit)
         self.declared: set[str] = set()
         self.unread: set[str] = set()
         self.places: dict[str, tuple[Where, str]] = {}
@@ -100,6 +106,7 @@ class _Reader:
     def read(self, document: Node) -> None:
         probes = section(document, "probes", "probes", self.problems, self.unread)
         self.unread |= misspelt_keys(document, SECTIONS)
+        # Names first: a plot of a probe that has an error must not say that there is none.
         self.declared = set(probes)
         for name, node in probes.items():
             self.check_name(name, node, f"probes.{name}")
@@ -113,21 +120,22 @@ class _Reader:
                 else:
                     message = f"{expected_form(kind)}, got {node.describe()}"
                     self.problems.add(node.where, address, message)
-        self.seen.stop = self.stop()
-        self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
+        self.observation.stop = self.stop()
+        self.observation.plots[:] = [self.with_band(plot) for plot in self.observation.plots]
         if document.get("plots") is None:
-            self.seen.defaults[:] = default_plots(self.seen.probes.values())
+            self.observation.defaults[:] = default_plots(self.observation.probes.values())
 
     def stop(self) -> StopTest | None:
         """What ends the run early; None, with a note, if its block is removed."""
         stop = self.network.stop
         if stop is None:
             return None
-        noted = len(self.seen.notes)
+        notes_before = len(self.observation.notes)
         signal = self.signal(stop.node, "run.stop.when")
-        self.seen.notes[noted:] = [
+        # The note of a signal of a removed block, in words that fit here.
+        self.observation.notes[notes_before:] = [
             note.replace("is not recorded", "cannot end the run (run.stop)")
-            for note in self.seen.notes[noted:]
+            for note in self.observation.notes[notes_before:]
         ]
         if signal is None:
             return None
@@ -145,15 +153,15 @@ class _Reader:
 
     def with_band(self, plot: PlotSpec) -> PlotSpec:
         """A time series with the band of the settling times of what it shows."""
-        settled = [
+        bands = [
             metric.options.get("band")
-            for metric in self.seen.metrics
+            for metric in self.observation.metrics
             if metric.kind == "settling_time" and metric.inputs["of"] in plot.of
         ]
-        if plot.kind != "timeseries" or "band" in plot.options or len(plot.of) > 1 or not settled:
+        if plot.kind != "timeseries" or "band" in plot.options or len(plot.of) > 1 or not bands:
             return plot
-        band = settled[0]
-        if not isinstance(band, (int, float)) or any(other != band for other in settled):
+        band = bands[0]
+        if not isinstance(band, (int, float)) or any(other != band for other in bands):
             return plot
         return replace(plot, options={**plot.options, "band": float(band)})
 
@@ -175,15 +183,19 @@ class _Reader:
         place = address if of is node else f"{address}.of"
         items = strings(of, place, "an address, as in plant.pose", self.problems)
         signals = [self.signal(item, where) for item, where in items]
-        written = node.get("every")
-        every = self.every(written, f"{address}.every")
+        every_node = node.get("every")
+        every = self.every(every_node, f"{address}.every")
         synapse = self.synapse(node.get("synapse"), f"{address}.synapse")
-        signals = described(signals, node.get("label"), f"{address}.label", named, self.problems)
-        signals = described(signals, node.get("unit"), f"{address}.unit", in_units, self.problems)
-        kept = tuple(signal for signal in signals if signal is not None)
-        probe = Probe(name, kept, every, synapse=synapse)
-        if written is not None and every and probe.missed():
-            self.problems.add(written.where, f"{address}.every", probe.missed())
+        signals = describe_signals(
+            signals, node.get("label"), f"{address}.label", with_names, self.problems
+        )
+        signals = describe_signals(
+            signals, node.get("unit"), f"{address}.unit", with_units, self.problems
+        )
+        present = tuple(signal for signal in signals if signal is not None)
+        probe = Probe(name, present, every, synapse=synapse)
+        if every_node is not None and every and probe.missed_event():
+            self.problems.add(every_node.where, f"{address}.every", probe.missed_event())
         else:
             self.add(probe, of.where, place)
 
@@ -192,12 +204,12 @@ class _Reader:
         if node is None:
             return None
         try:
-            found: Synapse = Synapse.read(node.plain())
+            synapse: Synapse = Synapse.read(node.plain())
         except SettingError as error:
             for key, text in error.problems:
                 self.problems.add(node.where, f"{address}.{key}" if key else address, text)
             return None
-        return found if found.order else None
+        return synapse if synapse.order else None
 
     def every(self, node: Node | None, address: str) -> int:
         """The ticks between two rows as written; 0 for the signal's own rate."""
@@ -219,40 +231,41 @@ class _Reader:
         if clash:
             self.problems.add(where, address, clash)
         else:
-            self.seen.probes[probe.name] = probe
+            self.observation.probes[probe.name] = probe
             self.places[probe.name] = (where, address)
 
     def signal(self, node: Node, address: str) -> Signal | None:
         """The signal at an address; None if it is wrong, unknown, or its block is removed."""
         try:
-            found = find(self.network.scope, node.value)
+            target = find(self.network.scope, node.value)
         except ReportedError:
             return None
         except AddressError as error:
             self.problems.add(*(error.location or (node.where, address)), str(error))
             return None
-        text = check_output(self.network, found.end, states=True)
-        real = follow(self.network, found.end)
+        text = check_output(self.network, target.end, states=True)
+        real = follow(self.network, target.end)
         if not text and real is not None:
             shape = whole_shape(self.network, real)
             if shape is None or 8 * math.prod(shape) > MAX_BYTES:
                 return None  # reported with the block
             columns = shape[0] if shape and not real.component else 1
+            # A path has few points, each of several columns: it is recorded whole.
             is_path = len(shape) > 1 and (real.block, real.port) in self.network.types
             if columns <= MAX_COLUMNS or is_path:
-                made = make_signal(self.network, real, node.value)
-                if made is not None:
-                    return made
+                signal = make_signal(self.network, real, node.value)
+                if signal is not None:
+                    return signal
                 text = no_component(self.network, real)
             else:
                 text = f"{columns} columns are too many to record; name one, '{node.value}.0'"
         elif not text:
-            block = missing_block(self.network, found.end)
+            block = missing_block(self.network, target.end)
             note = f"'{node.value}' is not recorded: block '{block}' is removed"
-            if note not in self.seen.notes:
-                self.seen.notes.append(note)
+            if note not in self.observation.notes:
+                self.observation.notes.append(note)
             return None
-        self.problems.add(*(found.location or (node.where, address)), text)
+        self.problems.add(*(target.location or (node.where, address)), text)
         return None
 
     def sources(
@@ -269,7 +282,7 @@ class _Reader:
         """Names of the probes of the tuning behind the signals under a key."""
         names = []
         for item, place in self.sources(owner, key, keys, address):
-            probe = self.seen.probes.get(item.value)
+            probe = self.observation.probes.get(item.value)
             signals = (self.signal(item, place),) if probe is None else probe.signals
             for signal in filter(None, signals):
                 name = self.tuning(signal, item.where, place)
@@ -281,17 +294,17 @@ class _Reader:
 
     def tuning(self, signal: Signal, where: Where, address: str) -> str:
         """The name of the probe of the tuning behind a signal; '' if none is published."""
-        made = make_tuning(self.network, signal.end, signal.address)
-        if made is None:
+        tuning_signal = make_tuning(self.network, signal.end, signal.address)
+        if tuning_signal is None:
             return ""
-        self.add(Probe(made.address, (made,), 0, auto=True), where, address)
-        return made.address
+        self.add(Probe(tuning_signal.address, (tuning_signal,), 0, auto=True), where, address)
+        return tuning_signal.address
 
-    def sorted(self, plot: PlotSpec, node: Node, address: str) -> PlotSpec:
+    def with_sort_order(self, plot: PlotSpec, node: Node, address: str) -> PlotSpec:
         """A raster that needs them, with the preferred directions of its neurons."""
         if plot.options.get("sort") != "direction":
             return plot
-        signals = [signal for name in plot.of for signal in self.seen.probes[name].signals]
+        signals = [signal for name in plot.of for signal in self.observation.probes[name].signals]
         names = [self.tuning(signal, node.where, address) for signal in signals]
         for signal, name in zip(signals, names, strict=True):
             if not name:
@@ -300,14 +313,14 @@ class _Reader:
                 self.problems.add(node.value["sort"].where, f"{address}.sort", message)
         return replace(plot, of=(*plot.of, *filter(None, names)))
 
-    def recorded(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
+    def probe_names(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
         """Names of the probes for the addresses or probe names under a key."""
         names = []
         for item, place in self.sources(owner, key, keys, address):
             name = item.value
             if "probes" in self.unread and "." not in name:
                 continue
-            if name not in self.seen.probes and name not in self.declared:
+            if name not in self.observation.probes and name not in self.declared:
                 message = self.no_probe(name)
                 if message:
                     self.problems.add(item.where, place, message)
@@ -315,12 +328,12 @@ class _Reader:
                 signal = self.signal(item, place)
                 if signal is not None:
                     self.add(Probe(name, (signal,), 0, auto=True), item.where, place)
-            if name in self.seen.probes:
+            if name in self.observation.probes:
                 names.append(name)
         return names
 
     def no_probe(self, name: str) -> str:
-        """Why a text can be neither a probe's name nor an address; '' if it may be one."""
+        """Why a name can be neither a probe's name nor an address; '' if it may be one."""
         head, dot, rest = name.partition(".")
         scope = self.network.scope
         if not dot and (head in scope.blocks or head in scope.broken):
@@ -338,36 +351,38 @@ class _Reader:
 
     def plot(self, name: str, node: Node, address: str) -> None:
         known = partial(plot_kind_names, has_world=self.has_world)
-        chosen = choose(PLOT_KINDS, node, address, known, self.problems, self.modules)
-        if chosen is None:
+        choice = choose(PLOT_KINDS, node, address, known, self.problems, self.modules)
+        if choice is None:
             return
-        self.seen.files.update(chosen.files)
-        kind, declared, keys = chosen.name, chosen.declared, chosen.keys
-        read = self.tunings if declared is not None and declared.of_tuning else self.recorded
+        self.observation.files.update(choice.files)
+        kind, definition, keys = choice.name, choice.declared, choice.keys
+        read = self.tunings if definition is not None and definition.of_tuning else self.probe_names
         of = read(node, "of", keys, f"{address}.of")
         title = node.get("title")
         if title is not None and not isinstance(title.value, (str, int, float)):
-            message = f"expected a text, got {title.describe()}"
+            message = f"expected a string, got {title.describe()}"
             self.problems.add(title.where, f"{address}.title", message)
         options = {key: item.plain() for key, item in node.items() if key not in COMMON}
-        if declared is not None:
-            self.report(node, keys, address, check_options(declared, options, self.has_world))
+        if definition is not None:
+            self.report(node, keys, address, check_options(definition, options, self.has_world))
         if node.get("labels") is not None:
-            what = "a text for each line, as in [position, heading]"
-            named = strings(node.get("labels"), f"{address}.labels", what, self.problems)
-            options["labels"] = [str(item.value) for item, _ in named]
-        for key in () if declared is None else declared.signals:
+            what = "a string for each line, as in [position, heading]"
+            labels = strings(node.get("labels"), f"{address}.labels", what, self.problems)
+            options["labels"] = [str(item.value) for item, _ in labels]
+        for key in () if definition is None else definition.signals:
             if key in options:
-                options[key] = self.measured(node, key, keys, address)
-        if declared is not None and of:
+                options[key] = self.role_probe(node, key, keys, address)
+        if definition is not None and of:
             text = str(title.value) if title is not None else title_of(name)
-            options |= used_options(declared, options)
-            found = source_options(declared, [self.seen.probes[p] for p in of], self.network)
-            plot = PlotSpec(name, kind, tuple(of), text, {**found, **options}, chosen.own)
-            faults = unfit(plot, self.seen.probes, node.value["of"].plain())
+            options |= used_options(definition, options)
+            of_blocks = source_options(
+                definition, [self.observation.probes[p] for p in of], self.network
+            )
+            plot = PlotSpec(name, kind, tuple(of), text, {**of_blocks, **options}, choice.own)
+            faults = unfit(plot, self.observation.probes, node.value["of"].plain())
             if faults is not None:
                 self.report(node, keys, address, faults)
-                self.seen.plots.append(self.sorted(plot, node, address))
+                self.observation.plots.append(self.with_sort_order(plot, node, address))
 
     def report(
         self, node: Node, keys: tuple[str, ...], address: str, checks: Iterable[tuple[str, str]]
@@ -381,39 +396,39 @@ class _Reader:
 
     def metric(self, name: str, node: Node, address: str) -> None:
         known = METRIC_KINDS.names
-        chosen = choose(METRIC_KINDS, node, address, lambda _: known(), self.problems, self.modules)
-        if chosen is None or chosen.declared is None:
+        choice = choose(METRIC_KINDS, node, address, lambda _: known(), self.problems, self.modules)
+        if choice is None or choice.declared is None:
             return
-        self.seen.files.update(chosen.files)
-        declared, keys = chosen.declared, chosen.keys
-        inputs = {key: self.measured(node, key, keys, address) for key in declared.inputs}
-        for key in declared.optional:
-            found = self.measured(node, key, keys, address) if node.get(key) else None
-            if found is not None:
-                inputs[key] = found
+        self.observation.files.update(choice.files)
+        definition, keys = choice.declared, choice.keys
+        inputs = {key: self.role_probe(node, key, keys, address) for key in definition.inputs}
+        for key in definition.optional:
+            probe_name = self.role_probe(node, key, keys, address) if node.get(key) else None
+            if probe_name is not None:
+                inputs[key] = probe_name
         options: dict[str, Any] = {
             key: item.plain()
             for key, item in node.items()
-            if key not in ("kind", "module", *declared.inputs, *declared.optional)
+            if key not in ("kind", "module", *definition.inputs, *definition.optional)
         }
-        probes = {key: self.seen.probes[p] for key, p in inputs.items() if p is not None}
+        probes = {key: self.observation.probes[p] for key, p in inputs.items() if p is not None}
         infos = {
             key: ProbeInfo(p.shape, p.units, 0 if p.constant else p.every)
             for key, p in probes.items()
         }
-        self.report(node, keys, address, declared.check(options, infos, self.has_world))
+        self.report(node, keys, address, definition.check(options, infos, self.has_world))
         after = options.get("after")
         if isinstance(after, (int, float)) and after > self.network.until:
             message = f"metric '{name}' has no value: it looks at times after {after:g} "
-            self.seen.notes.append(message + self.network.time_unit)
-        self.seen.metrics.append(Metric(name, chosen.name, inputs, options, chosen.own))
+            self.observation.notes.append(message + self.network.time_unit)
+        self.observation.metrics.append(Metric(name, choice.name, inputs, options, choice.own))
 
-    def measured(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
+    def role_probe(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
         """The probe of one role of a metric."""
         address, item = f"{address}.{key}", node.get(key)
         if item is not None and item.is_list and len(item.value) > 1:
             message = f"expected one signal, got {item.describe()}; a probe may hold several"
             self.problems.add(item.where, address, message)
             return None
-        found = self.recorded(node, key, keys, address)
-        return found[0] if found else None
+        names = self.probe_names(node, key, keys, address)
+        return names[0] if names else None

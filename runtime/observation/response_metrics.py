@@ -1,4 +1,8 @@
-"""Metrics of a response: how a signal approaches a target, and integrals of what is left."""
+"""Metrics of a response: how a signal approaches a target, and integrals of what is left.
+
+In: a signal and its target or reference. Out: one number. A step from 0 to a target of 2 whose
+largest value is 2.3 has an overshoot of 0.15.
+"""
 
 from __future__ import annotations
 
@@ -21,25 +25,25 @@ from runtime.observation.metric_kinds import (
 )
 
 
-class Target(MetricOptions):
+class TargetOptions(MetricOptions):
     """Where a signal should go."""
 
     target: float = param(0.0, doc="where the signal should go, if there is no `reference`")
 
 
-class Deviation(NumberOptions):
+class DeviationOptions(NumberOptions):
     """Where a signal should go, of which the deviation is one number."""
 
     target: float = param(0.0, doc="where the signal should go, if there is no `reference`")
 
 
-class Steady(Deviation):
+class SteadyOptions(DeviationOptions):
     """The end of a response."""
 
     window: float = param(1.0, unit="s", above=0.0, doc="the mean is over so long before the end")
 
 
-class Rise(Target):
+class RiseOptions(TargetOptions):
     """Two shares of a step."""
 
     low: float = param(0.1, at_least=0.0, below=1.0, doc="share of the step where the rise begins")
@@ -49,9 +53,9 @@ class Rise(Target):
 def deviation(series: Mapping[str, Series], options: Mapping[str, Any]) -> Series:
     """The signal minus its reference, or minus ``target``."""
     of, reference = series["of"], series.get("reference")
-    wanted = options["target"] if reference is None else reference.values
-    found = Series(of.t, of.values - wanted) if reference is not None or wanted else of
-    return length_of(found) if options.get("length") else found
+    target = options["target"] if reference is None else reference.values
+    difference = Series(of.t, of.values - target) if reference is not None or target else of
+    return length_of(difference) if options.get("length") else difference
 
 
 def _flat(series: Series) -> FloatArray:
@@ -94,40 +98,41 @@ def overshoot(series: Mapping[str, Series], options: Mapping[str, Any]) -> float
 
     The step goes from the first value to the target at the end.
     """
-    left = _flat(deviation(series, options))
-    if left[0] == 0.0:
+    error = _flat(deviation(series, options))
+    if error[0] == 0.0:
         return None
-    return max(0.0, float((left / -left[0]).max()))
+    return max(0.0, float((error / -error[0]).max()))
 
 
 def rise_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
     """Time (s) from ``low`` to ``high`` of the step, linear between rows; None if not reached."""
     s = deviation(series, options)
-    left = _flat(s)
-    if left[0] == 0.0:
+    error = _flat(s)
+    if error[0] == 0.0:
         return 0.0
-    done = 1.0 - left / left[0]
+    progress = 1.0 - error / error[0]
     at = []
     for share in (options["low"], options["high"]):
-        k = int(np.argmax(done >= share))
-        if not done[k] >= share:
+        k = int(np.argmax(progress >= share))
+        if not progress[k] >= share:
             return None
-        part = (share - done[k - 1]) / (done[k] - done[k - 1]) if k else 1.0
+        # Between the rows before and after the crossing; row 0 has none before.
+        part = (share - progress[k - 1]) / (progress[k] - progress[k - 1]) if k else 1.0
         at.append(s.t[k] if not k else s.t[k - 1] + part * (s.t[k] - s.t[k - 1]))
     return float(at[1] - at[0])
 
 
 def _rising(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
     yield from alike(options, probes)
-    found = Rise.read(options)
-    if found["high"] <= found["low"]:
-        yield "high", f"must be above low = {found['low']:g}, got {show(found['high'])}"
+    values = RiseOptions.read(options)
+    if values["high"] <= values["low"]:
+        yield "high", f"must be above low = {values['low']:g}, got {show(values['high'])}"
 
 
 def _kind(formula: Any, doc: str, unit: str, **more: Any) -> MetricKind:
     """A metric of the deviation of a signal from its target or its reference."""
-    kept = {"options": Deviation, "agrees": alike, "ends": POSITIVE, **more}
-    return MetricKind(formula, doc, unit=unit, optional=("reference",), **kept)
+    arguments = {"options": DeviationOptions, "agrees": alike, "ends": POSITIVE, **more}
+    return MetricKind(formula, doc, unit=unit, optional=("reference",), **arguments)
 
 
 RESPONSE_KINDS: Mapping[str, MetricKind] = {
@@ -136,14 +141,14 @@ RESPONSE_KINDS: Mapping[str, MetricKind] = {
         "how far the signal goes beyond `target` or the signal `reference`, as a share of the "
         "step from its first value; null without a step",
         "",
-        options=Target,
+        options=TargetOptions,
     ),
     "rise_time": _kind(
         rise_time,
         "time (s) from the share `low` to the share `high` of the step from the first value to "
         "`target` or the signal `reference`; null if never",
         "s",
-        options=Rise,
+        options=RiseOptions,
         agrees=_rising,
         never="never reached",
     ),
@@ -152,7 +157,7 @@ RESPONSE_KINDS: Mapping[str, MetricKind] = {
         "absolute value of the mean deviation from `target` or the signal `reference` over the "
         "last `window`",
         "of",
-        options=Steady,
+        options=SteadyOptions,
     ),
     "iae": _kind(
         lambda s, o: _integral(s, o, 0),

@@ -1,4 +1,11 @@
-"""The data of a run: recorded signals with times and units, metrics, and their origin."""
+"""The data of a run: recorded signals with times and units, metrics, and their origin.
+
+In: recordings and metrics. Out: what a user asks of a finished run::
+
+    result["plant.pose"]                     # array (rows, 3)
+    result["plant.pose.theta"]               # array (rows,), a column of that recording
+    result.time("plant.pose"), result.metrics["miss"]
+"""
 
 from __future__ import annotations
 
@@ -56,10 +63,10 @@ class Recording:
         return self.values[:, start] if stop == start + 1 else self.values[:, start:stop]
 
 
-Texts = tuple[dict[str, str], dict[str, bytes]]
+OriginFiles = tuple[dict[str, str], dict[str, bytes]]
 
 
-def _made(texts: dict[str, str], files: dict[str, bytes]) -> Texts:
+def _constant_origin(texts: dict[str, str], files: dict[str, bytes]) -> OriginFiles:
     return texts, files
 
 
@@ -79,7 +86,7 @@ class RunData:
     metrics: dict[str, float | None]
     plots: list[PlotSpec]
     manifest: dict[str, Any]
-    origin: Callable[[], Texts] = lambda: ({}, {})
+    origin: Callable[[], OriginFiles] = lambda: ({}, {})
     notes: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     world: World | None = None
@@ -105,8 +112,10 @@ class RunData:
         return self.origin()[1]
 
     def __getstate__(self) -> dict[str, Any]:
+        # `origin` refers to the graph and its blocks, which a worker cannot send; its results it
+        # can.
         texts, files = self.texts, self.files
-        return {**self.__dict__, "origin": partial(_made, texts, files)}
+        return {**self.__dict__, "origin": partial(_constant_origin, texts, files)}
 
     @property
     def status(self) -> str:
@@ -123,8 +132,8 @@ class RunData:
         return int(self.manifest["ticks"])
 
     def __getitem__(self, name: str) -> FloatArray:
-        recorded, address = self._find(name)
-        return recorded.column(address) if address else recorded.values
+        recording, address = self._find(name)
+        return recording.column(address) if address else recording.values
 
     def time(self, name: str) -> FloatArray:
         """Times (s) of the rows of ``result[name]``."""
@@ -132,18 +141,18 @@ class RunData:
 
     def recording(self, name: str) -> Recording:
         """The signals of ``result[name]`` with their times, labels and units."""
-        found, address = self._find(name)
+        whole_recording, address = self._find(name)
         if not address:
-            return found
-        start, stop = found.addresses[address]
+            return whole_recording
+        start, stop = whole_recording.addresses[address]
         return replace(
-            found,
+            whole_recording,
             name=name,
-            values=found.column(address),
-            labels=found.labels[start:stop],
-            units=found.units[start:stop],
-            names=found.names[start:stop],
-            held=found.held[start:stop],
+            values=whole_recording.column(address),
+            labels=whole_recording.labels[start:stop],
+            units=whole_recording.units[start:stop],
+            names=whole_recording.names[start:stop],
+            held=whole_recording.held[start:stop],
             addresses={address: (0, stop - start)},
         )
 
@@ -152,33 +161,32 @@ class RunData:
 
     def __iter__(self) -> Iterator[str]:
         yield from self.probes
-        for recorded in self.probes.values():
-            yield from (a for a in recorded.addresses if a not in self.probes)
+        for recording in self.probes.values():
+            yield from (a for a in recording.addresses if a not in self.probes)
 
     def _find(self, name: str) -> tuple[Recording, str]:
         if name in self.probes:
             return self.probes[name], ""
-        for recorded in self.probes.values():
-            if name in recorded.addresses:
-                return recorded, name
+        for recording in self.probes.values():
+            if name in recording.addresses:
+                return recording, name
         whole, _, _ = name.rpartition(".")
-        for recorded in self.probes.values():
-            if whole in recorded.addresses and name in recorded.labels:
-                at = recorded.labels.index(name)
-                values = recorded.values[:, at]
-                unit = (recorded.units[at],)
+        for recording in self.probes.values():
+            if whole in recording.addresses and name in recording.labels:
+                at = recording.labels.index(name)
+                values = recording.values[:, at]
+                unit = (recording.units[at],)
                 return Recording(
-                    *(name, recorded.t, values, (name,), unit, ("Scalar",), {name: (0, 1)}),
-                    held=recorded.held[at : at + 1],
-                    time_unit=recorded.time_unit,
+                    *(name, recording.t, values, (name,), unit, ("Scalar",), {name: (0, 1)}),
+                    held=recording.held[at : at + 1],
+                    time_unit=recording.time_unit,
                 ), ""
         known = sorted(self)
         raise KeyError(f"'{name}' was not recorded{hint(name, known) or ': ' + ', '.join(known)}")
 
     def __repr__(self) -> str:
-        shown = ", ".join(
+        metrics = ", ".join(
             f"{k}={v:.4g}" if v is not None else f"{k}=None" for k, v in self.metrics.items()
         )
-        return (
-            f"<{type(self).__name__} of '{self.title}': {self.status}, {self.ticks} ticks; {shown}>"
-        )
+        state = f"{self.status}, {self.ticks} ticks"
+        return f"<{type(self).__name__} of '{self.title}': {state}; {metrics}>"

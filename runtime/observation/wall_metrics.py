@@ -1,4 +1,8 @@
-"""Metrics of wall following: the distance error of a pose in the graph's world."""
+"""Metrics of wall following: the distance error of a pose in the graph's world.
+
+In: the world and the recorded positions (rows, 2) in m. Out: one number, as the mean of
+|distance to the nearest wall - 0.5 m| from when the robot first is at 0.5 m.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,9 @@ from blocks.core import FloatArray, IntArray, Options, param
 from blocks.world import World
 from runtime.observation.metric_kinds import ANY, POSITIVE, MetricKind, MetricOptions
 
-REACHED = 0.02
-CLEAR = 0.1
-NEAR = 0.4
+REACHED = 0.02  # m; so near to the contour counts as on it
+CLEAR = 0.1  # m; of a cylinder's offset circle from all other offsets
+NEAR = 0.4  # m; a robot farther from the offset circle follows another wall
 
 
 def since_reached(world: World, xy: FloatArray, d: float) -> FloatArray:
@@ -72,6 +76,7 @@ def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
         return 0.0
     nearest, _ = _on_loop(contour, positions)
     n = len(contour)
+    # The shorter way around: past the contour's first point a step is 1, not 1 - n.
     steps = (np.diff(nearest) + n // 2) % n - n // 2
     return float(steps.sum() / n)
 
@@ -94,6 +99,7 @@ def first_loop(world: World, xy: FloatArray, d: float) -> tuple[FloatArray, Floa
     contours = world.offset_contour(d)
     if not len(positions) or not contours:
         return xy[:0], xy[:0]
+    # A contour's last point is its first one again.
     return positions, min(contours, key=lambda c: np.hypot(*(c - positions[0]).T).min())[:-1]
 
 
@@ -109,21 +115,21 @@ def _others(world: World, i: int) -> World | None:
     """The world without one of its circles; None if it is then empty."""
     rest = dict(world.description)
     rest["circles"] = [circle for k, circle in enumerate(rest.get("circles", [])) if k != i]
-    left = {key: value for key, value in rest.items() if value}
-    return World(left) if left else None
+    description = {key: value for key, value in rest.items() if value}
+    return World(description) if description else None
 
 
 def _mean(values: FloatArray) -> float:
     return float(values.mean()) if len(values) else math.nan
 
 
-class StandOff(MetricOptions):
+class DistanceOptions(MetricOptions):
     """The distance to keep."""
 
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to keep")
 
 
-class Turning(StandOff):
+class TurningOptions(DistanceOptions):
     """The distance to keep, and the robot's smallest turning radius."""
 
     turning_radius: float = param(unit="m", above=0.0, doc="the robot's smallest turning radius")
@@ -132,7 +138,7 @@ class Turning(StandOff):
 def _kind(
     formula: Callable[[World, FloatArray, Mapping[str, Any]], float],
     doc: str,
-    options: type[Options] = StandOff,
+    options: type[Options] = DistanceOptions,
     optional: tuple[str, ...] = ("engaged",),
     unit: str = "m",
     ends: tuple[float, float] = POSITIVE,
@@ -163,12 +169,12 @@ WALL_KINDS: Mapping[str, MetricKind] = {
     "distance_mae_reachable": _kind(
         distance_mae_reachable,
         "the same without the positions within `turning_radius` of a kink of the contour",
-        Turning,
+        TurningOptions,
     ),
     "distance_floor": _kind(
         distance_floor,
         "the smallest possible mean error of a robot with that `turning_radius` (m)",
-        Turning,
+        TurningOptions,
         optional=(),
     ),
     "strayed": _kind(

@@ -69,11 +69,11 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         figure = ShownFigure(layout="constrained")
         # A kind of a package names its function as "module:function", and is imported only when it
         # is drawn.
-        painter = plot.declared.painter or PAINTERS[plot.kind]
+        painter = plot.definition.painter or PAINTERS[plot.kind]
         if isinstance(painter, str):
             module, _, function = painter.partition(":")
             painter = getattr(import_module(module), function)
-        if plot.declared.in_world or plot.declared.with_options:
+        if plot.definition.in_world or plot.definition.with_options:
             top = painter(figure, plot, result)
         else:
             recordings = [result.probes[name] for name in plot.of]

@@ -122,7 +122,7 @@ def at_start(graph: PreparedRun) -> Result:
         if probe.constant
     }
     result = _result(graph, Outcome({}, 0), probes, {}, [], datetime.now().astimezone())
-    result.plots = [plot for plot in result.plots if plot.declared.of_tuning]
+    result.plots = [plot for plot in result.plots if plot.definition.of_tuning]
     return result
 
 

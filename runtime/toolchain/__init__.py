@@ -1,5 +1,10 @@
 """The system's C compiler: units of C text become one loaded library, kept in the user's cache.
 
+In: translation units. Out: functions that ctypes can call::
+
+    unit = TranslationUnit("square", "double square(double x) { return x * x; }")
+    build([unit]).functions.square
+
 ``compilers`` finds the compiler, ``store`` is the cache folder, ``library`` compiles and loads.
 """
 

@@ -1,4 +1,11 @@
-"""Finds a C compiler, and what identifies it, without starting it twice."""
+"""Finds a C compiler, and what identifies it, without starting it twice.
+
+In: ``$CC`` and ``$PATH``. Out: a :class:`Compiler`; its answers to ``--version`` and
+``-dumpmachine`` are in the cache as long as its file does not change: two more processes would be
+most of a start from the cache::
+
+    Compiler(("/usr/bin/cc",), "cc (Debian 12.2.0-14) 12.2.0", "x86_64-linux-gnu")
+"""
 
 from __future__ import annotations
 
@@ -66,7 +73,7 @@ class Compiler:
 
 
 @dataclass(frozen=True)
-class _Candidate:
+class _CompilerCommand:
     """A compiler that may work: its command, and the files whose change makes it another one."""
 
     command: tuple[str, ...]
@@ -89,24 +96,26 @@ def find_compiler() -> Compiler:
     ------
     MissingCompilerError : there is none.
     """
-    return _found(os.environ.get("CC", ""), os.environ.get("PATH", ""))
+    return _find(os.environ.get("CC", ""), os.environ.get("PATH", ""))
 
 
 @cache
-def _found(chosen: str, path: str) -> Compiler:
+def _find(chosen: str, path: str) -> Compiler:
     silent: list[str] = []
     for candidate in _candidates(chosen, path):
-        known = _identified(candidate)
-        if known is not None:
-            return known
+        compiler = _identify(candidate)
+        if compiler is not None:
+            return compiler
         silent.append(shlex.join(candidate.command))
     if chosen.strip():
         raise MissingCompilerError(f"CC is '{chosen}', which is not a C compiler on this computer")
-    tried = f" ('{silent[0]}' does not answer to --version)" if silent else ""
-    raise MissingCompilerError(f"the compiled engine needs a C compiler, and none was found{tried}")
+    reason = f" ('{silent[0]}' does not answer to --version)" if silent else ""
+    raise MissingCompilerError(
+        f"the compiled engine needs a C compiler, and none was found{reason}"
+    )
 
 
-def _candidates(chosen: str, path: str) -> Iterator[_Candidate]:
+def _candidates(chosen: str, path: str) -> Iterator[_CompilerCommand]:
     if chosen.strip():
         try:
             words = shlex.split(chosen)
@@ -116,48 +125,48 @@ def _candidates(chosen: str, path: str) -> Iterator[_Candidate]:
         programs = [shutil.which(word, path=path) for word in words]
         if programs[0] is not None:
             files = tuple(Path(program) for program in programs if program)
-            yield _Candidate((programs[0], *words[1:]), files)
+            yield _CompilerCommand((programs[0], *words[1:]), files)
         return
     for name in NAMES:
         program = shutil.which(name, path=path)
         if program is not None:
-            yield _Candidate((program,), (Path(program),))
+            yield _CompilerCommand((program,), (Path(program),))
     # Imported last: a start from the cache takes a few ms.
     from importlib.util import find_spec
 
     spec = find_spec("ziglang")
     if spec is not None and spec.origin is not None:
         command = (sys.executable, "-m", "ziglang", "cc", *ZIG_FLAGS)
-        yield _Candidate(command, (Path(spec.origin),))
+        yield _CompilerCommand(command, (Path(spec.origin),))
 
 
-def _identified(candidate: _Candidate) -> Compiler | None:
+def _identify(candidate: _CompilerCommand) -> Compiler | None:
     """The compiler, from the cache if its files are as they were; None if it does not work."""
     stamps = []
     for file in candidate.files:
         real = file.resolve()
-        found = real.stat()
-        stamps.append(f"{real} {found.st_mtime_ns} {found.st_size}")
+        status = real.stat()
+        stamps.append(f"{real} {status.st_mtime_ns} {status.st_size}")
     name = f"compiler_{store.digest(machine(), *candidate.command, *stamps)}.json"
-    kept = store.read(name)
-    if kept is not None:
-        fields = json.loads(kept)
+    record = store.read(name)
+    if record is not None:
+        fields = json.loads(record)
         return Compiler(tuple(fields["command"]), fields["version"], fields["target"])
     version, target = (_answer(candidate, flag) for flag in ("--version", "-dumpmachine"))
     if not version:
         return None
-    made = Compiler(candidate.command, version, target or machine())
+    compiler = Compiler(candidate.command, version, target or machine())
     with suppress(OSError):  # asked again next time
-        store.write(name, json.dumps(asdict(made)).encode())
-    return made
+        store.write(name, json.dumps(asdict(compiler)).encode())
+    return compiler
 
 
-def _answer(candidate: _Candidate, flag: str) -> str:
+def _answer(candidate: _CompilerCommand, flag: str) -> str:
     """The first line that a compiler prints; empty if it fails."""
     import subprocess
 
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [*candidate.command, flag],
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -167,7 +176,7 @@ def _answer(candidate: _Candidate, flag: str) -> str:
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.decode("utf-8", "replace").strip().partition("\n")[0].strip()
+    return process.stdout.decode("utf-8", "replace").strip().partition("\n")[0].strip()
 
 
 @cache
@@ -186,8 +195,8 @@ def processor() -> str:
         lines = PROCESSOR.read_text(encoding="utf-8", errors="replace").split("\n\n")[0].split("\n")
     except OSError:
         return ""
-    named = [line for line in lines if line.lower().startswith(KNOWN_BY)]
-    return "\n".join(named)
+    relevant = [line for line in lines if line.lower().startswith(KNOWN_BY)]
+    return "\n".join(relevant)
 
 
 def tuning(compiler: Compiler) -> tuple[str, ...]:

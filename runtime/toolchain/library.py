@@ -1,4 +1,8 @@
-"""Compiles units of C, links them into one shared library, and loads it."""
+"""Compiles units of C, links them into one shared library, and loads it.
+
+In: translation units and the flags for this compiler. Out: a :class:`Library`. Objects and library
+are named by a hash of text, flags and compiler, so that a second build starts no process.
+"""
 
 from __future__ import annotations
 
@@ -59,8 +63,8 @@ class BuildError(SpikeblocksError):
 
     def __init__(self, message: str, unit: str = "", output: str = "") -> None:
         self.unit, self.output = unit, output
-        shown = [line for line in output.splitlines() if line.strip()][:SHOWN]
-        super().__init__("\n".join([message, *shown]))
+        lines = [line for line in output.splitlines() if line.strip()][:SHOWN]
+        super().__init__("\n".join([message, *lines]))
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ class Builder:
 
     Parameters
     ----------
-    checked : define ``SPIKEBLOCKS_CHECKED``, under which a text checks its indices.
+    checked : define ``SPIKEBLOCKS_CHECKED``, under which generated code checks its indices.
 
     Raises
     ------
@@ -101,12 +105,12 @@ class Builder:
 
     def __init__(self, checked: bool = False) -> None:
         self.compiler = compiler = find_compiler()
-        tuned = tuning(compiler)
+        options = tuning(compiler)
         checks = (f"-D{CHECKED}=1",) if checked else ()
-        self.flags = (*FLAGS, *checks, *tuned)
-        kind = processor() if tuned else ""
-        self._made_with = (compiler.identity, *compiler.command, *self.flags, kind)
-        self._begun: dict[str, Future[None]] = {}
+        self.flags = (*FLAGS, *checks, *options)
+        kind = processor() if options else ""
+        self._settings = (compiler.identity, *compiler.command, *self.flags, kind)
+        self._futures: dict[str, Future[None]] = {}
         self._open = ExitStack()
 
     def __enter__(self) -> Builder:
@@ -136,10 +140,10 @@ class Builder:
         UsageError : the cache cannot be written.
         """
         key = self._key(unit)
-        if key not in self._begun:
+        if key not in self._futures:
             with self._writing():
                 work = self._work
-            self._begun[key] = self._pool.submit(
+            self._futures[key] = self._pool.submit(
                 _compile, work, key, unit, self.compiler, self.flags
             )
 
@@ -152,7 +156,7 @@ class Builder:
 
         Parameters
         ----------
-        units : their texts include all that they need, and no symbol is defined twice.
+        units : each includes all that it needs, and no symbol is defined twice.
         note : called with the names of units that are not in the cache.
 
         Raises
@@ -163,11 +167,11 @@ class Builder:
         # One text is one object, however many units have it.
         objects = {self._key(unit): unit for unit in units}
         name = f"library_{store.digest(*LINK, *LIBRARIES, *objects)}{LIBRARY}"
-        path, compiled = store.verified(name), NOTHING
+        path, compiled = store.verified_path(name), NOTHING
         if path is None:
             with self._writing():
-                path, compiled = self._linked(name, objects, note)
-                store.bound_at_times()
+                path, compiled = self._link(name, objects, note)
+                store.shrink_at_times()
         try:
             return Library(path, ctypes.CDLL(str(path)), compiled)
         except OSError as error:
@@ -175,12 +179,12 @@ class Builder:
             raise BuildError(f"cannot load compiled code ({advice}): {error}") from None
 
     def _key(self, unit: TranslationUnit) -> str:
-        return f"unit_{store.digest(*self._made_with, unit.level, unit.text)}{OBJECT}"
+        return f"unit_{store.digest(*self._settings, unit.level, unit.text)}{OBJECT}"
 
     def _writing(self) -> AbstractContextManager[None]:
         return system_errors(f"keep compiled code in '{store.folder()}'")
 
-    def _linked(
+    def _link(
         self,
         name: str,
         objects: dict[str, TranslationUnit],
@@ -189,7 +193,7 @@ class Builder:
         """Compile and link; returns the library and the names of the units that were compiled."""
         work, missing = self._work, {}
         for key, unit in objects.items():
-            content = None if key in self._begun else store.read(key)
+            content = None if key in self._futures else store.read(key)
             if content is None:
                 missing[key] = unit
             else:
@@ -201,7 +205,7 @@ class Builder:
         for unit in missing.values():
             self.begin(unit)
         for key in missing:
-            self._begun[key].result()
+            self._futures[key].result()
             store.write(key, (work / key).read_bytes())
         words = [*self.compiler.command, *LINK, *objects, *LIBRARIES, "-o", name]
         _call(words, work, "cannot link the compiled units", "")
@@ -234,7 +238,7 @@ def _call(words: Sequence[str], folder: Path, problem: str, unit: str) -> None:
     import subprocess
 
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             words,
             cwd=folder,
             stdin=subprocess.DEVNULL,
@@ -246,9 +250,9 @@ def _call(words: Sequence[str], folder: Path, problem: str, unit: str) -> None:
         )
     except (OSError, subprocess.SubprocessError) as error:
         raise BuildError(f"{problem}: {error}", unit) from None
-    if done.returncode:
-        output = done.stdout.decode("utf-8", "replace")
-        raise BuildError(f"{problem} ({words[0]} ended with {done.returncode})", unit, output)
+    if process.returncode:
+        output = process.stdout.decode("utf-8", "replace")
+        raise BuildError(f"{problem} ({words[0]} ended with {process.returncode})", unit, output)
 
 
 def processors() -> int:

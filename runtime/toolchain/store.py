@@ -1,5 +1,10 @@
 """The cache folder: files named by a hash of what they were made from, kept with their own hash.
 
+In: a name and bytes. Out: the same bytes, or None::
+
+    write("unit_3f2a.o", content)        # and unit_3f2a.o.sha256
+    read("unit_3f2a.o")                  # None if a bit of either has changed
+
 An entry's name says what it was made from, so no entry is ever out of date, and two processes that
 write the same entry write equally good files. An entry counts only if its content has the hash that
 was stored with it. Only the user may write to the folder, since its content is executed.
@@ -27,7 +32,7 @@ from runtime.files import remove_tree, write_whole
 VARIABLE = "SPIKEBLOCKS_CACHE"
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 LIMIT = 500 * 2**20  # bytes of the whole folder; the oldest entries beyond it are removed
-KEPT = 0.9  # share of the limit that remains, so that not every build removes something
+SHARE_AFTER = 0.9  # share of the limit that remains, so that not every build removes something
 DAY = 86400.0  # s
 PAUSE = 600.0  # s between two walks through the folder: one reads each of its many thousand entries
 WALKED = ".walked"
@@ -46,39 +51,39 @@ def folder() -> Path:
 @cache
 def _folder(chosen: str | None, base: str | None) -> Path:
     try:
-        wanted = Path(chosen) if chosen else Path(base or Path.home() / ".cache") / "spikeblocks"
-        if _is_private(wanted):
-            return wanted.absolute()
+        path = Path(chosen) if chosen else Path(base or Path.home() / ".cache") / "spikeblocks"
+        if _is_private(path):
+            return path.absolute()
     except (OSError, RuntimeError):  # no home folder is a RuntimeError
         pass
     return _own_folder()
 
 
-def _is_private(wanted: Path) -> bool:
+def _is_private(path: Path) -> bool:
     """Create a folder if it is missing; returns whether only the user may write to it.
 
     Raises
     ------
     OSError : it cannot be created or written.
     """
-    wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
     # Under Windows, the mode says nothing, and a profile is its user's alone.
-    if hasattr(os, "getuid") and not _is_of(os.getuid(), wanted):
+    if hasattr(os, "getuid") and not _is_of(os.getuid(), path):
         return False
-    with tempfile.TemporaryFile(dir=wanted):
+    with tempfile.TemporaryFile(dir=path):
         return True
 
 
-def _is_of(user: int, wanted: Path) -> bool:
+def _is_of(user: int, path: Path) -> bool:
     """Whether a folder is that user's, and nobody else can put files there or replace it."""
-    found = wanted.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user:
+    status = path.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != user:
         return False
-    if found.st_mode & OTHERS_WRITE:
+    if status.st_mode & OTHERS_WRITE:
         return False  # others may have written to it
-    if any(_is_open(parent) for parent in wanted.resolve().parents):
+    if any(_is_open(parent) for parent in path.resolve().parents):
         return False  # others could put another folder in its place
-    wanted.chmod(0o700)
+    path.chmod(0o700)
     return True
 
 
@@ -90,14 +95,14 @@ def _is_open(parent: Path) -> bool:
 
 @cache
 def _own_folder() -> Path:
-    made = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
-    finalize(_own_folder, _remove_own, made, os.getpid())
-    return made
+    path = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
+    finalize(_own_folder, _remove_own, path, os.getpid())
+    return path
 
 
-def _remove_own(made: Path, process: int) -> None:
+def _remove_own(path: Path, process: int) -> None:
     if os.getpid() == process:  # not at the end of a process that was forked from it
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _exists() -> None:
@@ -110,7 +115,7 @@ def digest(*parts: str) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
 
 
-def verified(name: str) -> Path | None:
+def verified_path(name: str) -> Path | None:
     """The file of an entry; None if it is missing or its content is not what was stored."""
     return None if read(name) is None else folder() / name
 
@@ -166,17 +171,17 @@ def work_folder() -> Iterator[Path]:
     ------
     OSError : it cannot be created.
     """
-    made = folder() / f"{WORK}{secrets.token_hex(8)}"
+    path = folder() / f"{WORK}{secrets.token_hex(8)}"
     _exists()
-    made.mkdir(mode=0o700)
+    path.mkdir(mode=0o700)
     try:
-        yield made
+        yield path
     finally:
-        remove_tree(made)
+        remove_tree(path)
 
 
-def bound_at_times() -> None:
-    """Do :func:`bound`, unless some process began it in the last minutes.
+def shrink_at_times() -> None:
+    """Do :func:`shrink`, unless some process began it in the last minutes.
 
     With 80,000 entries it takes a second of CPU time, many times what a small unit's compilation
     does.
@@ -187,10 +192,10 @@ def bound_at_times() -> None:
             return
     with suppress(OSError):
         stamp.touch(mode=0o600)
-    bound()
+    shrink()
 
 
-def bound(limit: int = LIMIT) -> None:
+def shrink(limit: int = LIMIT) -> None:
     """Remove the oldest files if the folder is larger than its limit (bytes), and what killed
     builds left."""
     now, files = time.time(), []
@@ -199,11 +204,11 @@ def bound(limit: int = LIMIT) -> None:
         for name in (*folders, *names):
             path = Path(place, name)
             with suppress(OSError):
-                found = path.lstat()
-                if name.startswith(WORK) and now - found.st_mtime > DAY:
+                status = path.lstat()
+                if name.startswith(WORK) and now - status.st_mtime > DAY:
                     remove_tree(path)
-                elif not stat.S_ISDIR(found.st_mode) and path.suffix != SEAL:
-                    files.append((found.st_mtime, str(path), found.st_size))
+                elif not stat.S_ISDIR(status.st_mode) and path.suffix != SEAL:
+                    files.append((status.st_mtime, str(path), status.st_size))
     total = sum(size for _, _, size in files)
     if total <= limit:
         return
@@ -212,7 +217,7 @@ def bound(limit: int = LIMIT) -> None:
             with suppress(OSError):
                 file.unlink()
         total -= size
-        if total <= limit * KEPT:
+        if total <= limit * SHARE_AFTER:
             return
 
 

@@ -82,8 +82,8 @@ REFUSED = {
     "a: {<<: {b: 1}}": (
         "f:1:5: a: YAML 1.2 has no merge keys; write the entries out, or use extends"
     ),
-    "? [a]\n: 1\n": "f:1:3: a key must be a text",
-    "? \n: 1\n": "f:1:2: a key must be a text",
+    "? [a]\n: 1\n": "f:1:3: a key must be a string",
+    "? \n: 1\n": "f:1:2: a key must be a string",
     "a: [1, 1e400]": "f:1:8: a[1]: 1e400 is too large for a float; infinity is written .inf",
     "a: 1e-400": "f:1:4: a: 1e-400 is too small for a float; write 0 if that is intended",
     "a: " + "9" * 5000: (
@@ -97,21 +97,21 @@ REFUSED = {
     "a: &b [1, *b]": "f:1:11: a[1]: alias '*b' refers to itself",
     "\ta: 1": "f:1:1: not valid YAML: a tab; indent with spaces",
     "a:\n  b: 1\n\tc: 2\n": "f:3:1: not valid YAML: a tab; indent with spaces",
-    "a: @b": "f:1:4: not valid YAML: a text cannot begin with @; put it in quotes",
+    "a: @b": "f:1:4: not valid YAML: a string cannot begin with @; put it in quotes",
     "a: 'b\nc: 1\n": "f:1:4: not valid YAML: the quote that opens here is never closed",
     "a: {b: 1\nc: 2\n": "f:1:4: not valid YAML: this '{' is not closed",
     "a: [1, 2\nc: 2\n": "f:1:4: not valid YAML: this '[' is not closed",
     "a: {b: 1 c: 2}": (
-        "f:1:11: not valid YAML: expected ',' or '}'; a text that contains ': ' needs quotes: "
+        "f:1:11: not valid YAML: expected ',' or '}'; a string that contains ': ' needs quotes: "
         'b: "1 c: 2"'
     ),
-    "a: {u: b.out[0]}": "f:1:13: not valid YAML: inside of braces, a text with brackets needs "
+    "a: {u: b.out[0]}": "f:1:13: not valid YAML: inside of braces, a string with brackets needs "
     'quotes: "b.out[0]"',
-    "a: {f: 2*u[0] + u[1], c: 1}": "f:1:11: not valid YAML: inside of braces, a text with brackets "
-    'needs quotes: "2*u[0] + u[1]"',
-    "a: b: c": "f:1:5: not valid YAML: a text that contains ': ' needs quotes: a: \"b: c\"",
+    "a: {f: 2*u[0] + u[1], c: 1}": "f:1:11: not valid YAML: inside of braces, a string with "
+    'brackets needs quotes: "2*u[0] + u[1]"',
+    "a: b: c": "f:1:5: not valid YAML: a string that contains ': ' needs quotes: a: \"b: c\"",
     "a:\n  b c\n  d: e": (
-        "f:3:4: not valid YAML: an unexpected ':'; quote a text that contains ': ', or check the "
+        "f:3:4: not valid YAML: an unexpected ':'; quote a string that contains ': ', or check the "
         "indentation"
     ),
     "a:\n  b: 1\n c: 2\n": (
@@ -225,10 +225,10 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 
 
 PYTHON = {
-    "object": (object(), "a.b: expected a number, text, list or mapping, got object"),
-    "key": ({1: 2}, "a.b: expected a text as key, got 1"),
+    "object": (object(), "a.b: expected a number, string, list or mapping, got object"),
+    "key": ({1: 2}, "a.b: expected a string as key, got 1"),
     "too large": (10**400, "a.b: too large for a float; infinity is written .inf"),
-    "surrogate": ("\ud800", "a.b: a text with a lone surrogate, which is no character"),
+    "surrogate": ("\ud800", "a.b: a string with a lone surrogate, which is not a character"),
 }
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from runtime.document.loader import SHIPPED, load_document, merge
+from runtime.document.loader import SHIPPED, merge, read_graph
 from runtime.document.node import from_python
 from runtime.errors import GraphError
 from tests.runtime.broken import PART, SOUND, changed, problems, with_part
@@ -20,7 +20,7 @@ def loaded(folder: Path, files: dict[str, str], name: str = "g.yaml") -> dict[st
     for file, text in files.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
-    plain: dict[str, Any] = load_document(folder / name).plain()
+    plain: dict[str, Any] = read_graph(folder / name)[0].plain()
     return plain
 
 
@@ -136,7 +136,7 @@ def test_a_shipped_graph_by_name_from_anywhere(tmp_path: Path) -> None:
     plain = loaded(tmp_path, {"g.yaml": "extends: line_actuator_failure\ngraph: mine\n"})
     assert plain["graph"] == "mine"
     assert plain["blocks"]["adaptive"]["part"] == "parts/adaptive_snn.yaml"
-    assert Path(load_document("line_actuator_failure").where.file) == (
+    assert Path(read_graph("line_actuator_failure")[0].where.file) == (
         SHIPPED / "line_actuator_failure.yaml"
     )
 
@@ -146,7 +146,7 @@ def test_ones_own_file_goes_before_a_shipped_one(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "line_actuator_failure.yaml").write_text("graph: own\n", encoding="utf-8")
-    assert load_document("line_actuator_failure").plain() == {"graph": "own"}
+    assert read_graph("line_actuator_failure")[0].plain() == {"graph": "own"}
 
 
 def test_a_part_is_inlined_and_what_stands_in_its_entry_lies_on_top(tmp_path: Path) -> None:
@@ -324,4 +324,4 @@ def test_a_byte_order_mark_and_crlf_move_no_place(tmp_path: Path) -> None:
 def test_a_name_that_is_no_file(tmp_path: Path) -> None:
     for name in ("nowhere", "", "a\0b", "x" * 5000):
         with pytest.raises(GraphError):
-            load_document(tmp_path / name if name else name)
+            read_graph(tmp_path / name if name else name)

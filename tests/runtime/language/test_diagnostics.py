@@ -34,7 +34,7 @@ def test_shipped_files_have_no_problems(path: Path) -> None:
         ("kind: map", "kind: mop", "mop", "did you mean 'map'?"),
         ("seed: 0", "sed: 0", "sed", "unknown key, did you mean 'seed'?"),
         ("worlds/paper_room", "worlds/paper_rom", "worlds/paper_rom.yaml", "no such world"),
-        ("title: Scan and", "title: Scan: and", ":", "a text that contains ': ' needs quotes"),
+        ("title: Scan and", "title: Scan: and", ":", "a string that contains ': ' needs quotes"),
         ("search: {input: explore.command}", "search: {input: sighted.out}", "s", "algebraic loop"),
     ],
 )

@@ -224,7 +224,7 @@ def test_what_shows_a_graph_never_raises() -> None:
 
 def test_hints_among_many_names_compare_few_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted, not timed: 300 misspelt wires among 300 blocks are no 90,000 comparisons."""
-    from blocks.core import params
+    from blocks.core import hints
 
     compared = []
 
@@ -236,7 +236,7 @@ def test_hints_among_many_names_compare_few_of_them(monkeypatch: pytest.MonkeyPa
     class Counting:
         get_close_matches = staticmethod(counting)
 
-    monkeypatch.setattr(params, "difflib", Counting)
+    monkeypatch.setattr(hints, "difflib", Counting)
     names = [f"controller_{i:03d}" for i in range(300)]
     entry = {"type": "Gain", "gain": 1, "signal": "Scalar"}
     plain = {
@@ -246,7 +246,7 @@ def test_hints_among_many_names_compare_few_of_them(monkeypatch: pytest.MonkeyPa
     found = messages(runtime.load(plain))
     assert len(found) == 300 and all("did you mean 'controller_" in line for line in found)
     assert "'cnotroller_123'" in found[123] and "did you mean 'controller_123'?" in found[123]
-    assert max(compared) <= params.CANDIDATES
+    assert max(compared) <= hints.CANDIDATES
 
 
 MUX = '''"""A block that takes as many wires as its parameter says."""

@@ -83,10 +83,10 @@ def test_noise_is_drawn_behind_what_it_would_hide() -> None:
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("{of: plant.pose, label: [a, b]}", "text for the signal, or for each of the 3 columns"),
+        ("{of: plant.pose, label: [a, b]}", "string for the signal, or for each of the 3 columns"),
         ("{of: plant.pose, unit: cm}", "'plant.pose' has a unit of its own: m, rad"),
-        ("{of: plant.pose, unit: 3}", "expected a text, got 3"),
-        ("{of: plant.pose, label: {a: b}}", "expected a text"),
+        ("{of: plant.pose, unit: 3}", "expected a string, got 3"),
+        ("{of: plant.pose, label: {a: b}}", "expected a string"),
         ("{of: plant.pose, labl: a}", "did you mean 'label'?"),
     ],
 )

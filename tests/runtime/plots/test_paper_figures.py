@@ -101,7 +101,7 @@ def test_lines_are_named_as_asked_or_not_at_all() -> None:
             {"size": [0, 1]},
             "plots.p.size: expected an array of 2 numbers above 0 and at",
         ),
-        ({"labels": [1]}, "plots.p.labels[0]: expected a text for each line, as in [position, "),
+        ({"labels": [1]}, "plots.p.labels[0]: expected a string for each line, as in [position, "),
         ({"legend": 3}, "plots.p.legend: expected true or false, got 3"),
     ],
 )

@@ -14,7 +14,7 @@ from runtime.toolchain import compilers
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache folder, used by this test alone."""
     monkeypatch.setenv(toolchain.VARIABLE, str(tmp_path / "cache"))
-    compilers._found.cache_clear()
+    compilers._find.cache_clear()
     assert toolchain.folder() == tmp_path / "cache"
     return tmp_path / "cache"
 

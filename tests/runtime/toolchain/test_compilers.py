@@ -63,11 +63,11 @@ def test_a_compiler_is_asked_once_until_its_file_changes(
     path = script(tmp_path / "bin", "mycc", f"echo x >> {asked}\n{FAKE}")
     monkeypatch.setenv("CC", str(path))
     for _ in range(3):
-        compilers._found.cache_clear()
+        compilers._find.cache_clear()
         assert find_compiler().version == "fake 1.0"
     assert asked.read_text() == "x\n" * 2  # its version, and what it compiles for
     script(tmp_path / "bin", "mycc", f"echo x >> {asked}\n{FAKE.replace('1.0', '1.0.1')}")
-    compilers._found.cache_clear()
+    compilers._find.cache_clear()
     assert find_compiler().version == "fake 1.0.1"
 
 

@@ -69,7 +69,7 @@ def test_a_library_in_the_cache_starts_no_process(
     before = files(cache)
     assert not [path for path in before if path.is_dir()]
     monkeypatch.setattr(subprocess, "run", None)
-    toolchain.compilers._found.cache_clear()
+    toolchain.compilers._find.cache_clear()
     made = build(UNITS)
     assert made.compiled == () and value(made, "plan", 3.0) == math.sqrt(10.0)
     assert files(cache) == before
@@ -148,7 +148,7 @@ def test_damaged_files_are_made_again(kind: str, cache: Path) -> None:
         for path in whole:
             if path.name.endswith(suffix):
                 DAMAGES[kind](path, path.read_bytes())
-        toolchain.compilers._found.cache_clear()
+        toolchain.compilers._find.cache_clear()
         assert value(build(UNITS), "plan", 3.0) == math.sqrt(10.0)
         assert entries(cache).keys() == whole.keys()
 

@@ -84,8 +84,8 @@ def test_a_link_in_the_folder_is_replaced_and_not_followed(cache: Path, tmp_path
 
 @pytest.mark.parametrize("content", [b"", b"text", bytes(range(256))])
 def test_an_entry_is_what_was_written(cache: Path, content: bytes) -> None:
-    assert store.read("entry") is None and store.verified("entry") is None
-    assert store.write("entry", content) == cache / "entry" == store.verified("entry")
+    assert store.read("entry") is None and store.verified_path("entry") is None
+    assert store.write("entry", content) == cache / "entry" == store.verified_path("entry")
     assert store.read("entry") == content
 
 
@@ -104,9 +104,9 @@ def test_the_oldest_entries_are_removed(cache: Path) -> None:
     other = cache / "__pycache__" / "of_an_earlier_version.nbc"
     other.write_bytes(bytes(1000))
     os.utime(other, (0, 0))
-    store.bound(limit=11_000)
+    store.shrink(limit=11_000)
     assert len(list(cache.glob("entry*"))) == 20 and other.exists()
-    store.bound(limit=6_000)
+    store.shrink(limit=6_000)
     kept = {path.name for path in cache.glob("entry*") if path.suffix != ".sha256"}
     assert kept == {f"entry{i}" for i in range(5)} and not other.exists()
     assert {path.stem for path in cache.glob("*.sha256")} == kept
@@ -116,15 +116,15 @@ def test_the_folder_is_not_walked_at_each_build(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     walks: list[None] = []
-    monkeypatch.setattr(store, "bound", lambda: walks.append(None))
-    store.bound_at_times()
-    store.bound_at_times()
+    monkeypatch.setattr(store, "shrink", lambda: walks.append(None))
+    store.shrink_at_times()
+    store.shrink_at_times()
     assert len(walks) == 1
     now = (cache / store.WALKED).stat().st_mtime
     for age, expected in ((0.5, 1), (2.0, 2), (-2.0, 3)):  # the last: the clock was set back
         then = now - age * store.PAUSE
         os.utime(cache / store.WALKED, (then, then))
-        store.bound_at_times()
+        store.shrink_at_times()
         assert len(walks) == expected
 
 
@@ -132,7 +132,7 @@ def test_what_is_used_is_not_old(cache: Path) -> None:
     entry(cache, "used", 3 * store.DAY, 1000)
     entry(cache, "unused", 2 * store.DAY, 1000)
     assert store.read("used") is not None
-    store.bound(limit=1_500)
+    store.shrink(limit=1_500)
     assert store.read("used") is not None and store.read("unused") is None
 
 
@@ -143,7 +143,7 @@ def test_what_a_killed_build_left_is_removed_after_a_day(cache: Path) -> None:
         (left / "unit").mkdir(parents=True)
         old = cache.stat().st_mtime - 2 * store.DAY
         os.utime(left, (old, old))
-        store.bound()
+        store.shrink()
         assert running.exists() and not left.exists()
     assert not running.exists()
 
@@ -173,5 +173,5 @@ def test_files_may_go_while_the_folder_is_looked_at(
             return lstat(path)
 
         monkeypatch.setattr(Path, "lstat", slow)
-        store.bound(limit=1_500)
+        store.shrink(limit=1_500)
     assert store.read("entry0") is not None and store.read("entry2") is None
