@@ -228,6 +228,7 @@ def _frame_cell(picture: Picture, level: _Level) -> Cell:
     height = FRAME_TOP + layout.height + FRAME_BOTTOM
 
     def pins(ends: list[Cell]) -> tuple[list[str], list[float]]:
+        # From top to bottom, as the level around the part counts the pins of its cells.
         ends.sort(key=lambda end: layout.positions[end.name][1])
         ys = [FRAME_TOP + layout.positions[end.name][1] for end in ends]
         return [end.name[1:] for end in ends], ys

@@ -1,4 +1,9 @@
-"""Names in the text of a plan: those of blocks and signals, which are none of its own."""
+"""Names in the text of a plan: those of blocks and signals, which are none of its own.
+
+In goes a plan, out come names that Python and C accept: of the block ``part.plant``, the name
+``part_plant``, ``part_plant_s`` of its state, and ``part_plant_pose`` of its output; of the block
+``run``, ``run_``.
+"""
 
 from __future__ import annotations
 

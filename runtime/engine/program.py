@@ -1,4 +1,9 @@
-"""The part of a run that does not depend on its seed: shared by runs with many seeds."""
+"""The part of a run that does not depend on its seed: shared by runs with many seeds.
+
+In go a checked network and what is observed; out come the plan, its names and its text as Python's
+bytecode, each made when it is first asked for. ``program.source()`` is the function that
+``runtime explain`` shows.
+"""
 
 from __future__ import annotations
 

@@ -351,7 +351,7 @@ def _rename_class(
     if cls is None or cls.__module__.startswith("blocks.") or not places:
         raise UsageError(f"'{old}' is a type of the library; only your own can be renamed")
     if not name.isidentifier() or name in known_types(model):
-        raise UsageError(f"'{name}' is not a new name for a class")
+        raise UsageError(f"'{name}' is no Python name, or a block type has it")
     path = places[0].path
     text = SourceText(path.read_text(encoding="utf-8"))
     edits = {path: [(span, name) for span in _python_names(text, old)]}

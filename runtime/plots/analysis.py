@@ -95,6 +95,7 @@ def density(values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
     values = values[np.isfinite(values)]
     if len(values) < 2:
         return np.zeros(1), np.zeros(1)
+    # Longer segments resolve lower frequencies, more of them give a smoother curve.
     length = min(len(values), max(SHORTEST, len(values) // SEGMENTS))
     frequencies, power = signal.welch(values, 1.0 / step, "hann", length, detrend="constant")
     return np.asarray(frequencies), np.asarray(power)

@@ -187,7 +187,10 @@ def _pose_name(plot: PlotSpec, run: RunData) -> str:
     for name in plot.of:
         if name in run.probes and run.probes[name].kinds == ("Pose",):
             return name
-    raise UsageError(f"plot '{plot.name}' shows no pose of a robot, of which a film could be made")
+    raise UsageError(
+        f"plot '{plot.name}' has no robot to animate: none of its probes is a Pose; "
+        "add one to its 'of', as in 'of: [plant.pose]'"
+    )
 
 
 def _pose(plot: PlotSpec, run: RunData) -> Recording:

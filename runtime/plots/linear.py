@@ -90,6 +90,8 @@ def _response(
     a: FloatArray, b: FloatArray, c: FloatArray, d: float, frequencies: FloatArray
 ) -> npt.NDArray[np.complex128]:
     """c (jw - A)^-1 b + d at each frequency (rad/s)."""
+    # Solved for all frequencies at once; an inverse would lose digits where the matrix is nearly
+    # singular, as near an undamped pole.
     resolvent = 1j * frequencies[:, None, None] * np.eye(len(a)) - a
     states = np.linalg.solve(resolvent, np.broadcast_to(b[:, None], (len(frequencies), len(a), 1)))
     response: npt.NDArray[np.complex128] = states[..., 0] @ c + d

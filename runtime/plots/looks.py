@@ -83,6 +83,7 @@ def _narrow_legends(figure: Figure) -> None:
                 beside.remove()
                 figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels))
                 continue
+            # Lines run behind it there: the frame keeps its text legible.
             over: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
             axes.legend(handles, labels, loc="best", **over)
 

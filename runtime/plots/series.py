@@ -58,6 +58,7 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
         every |= zip(labels, display, strict=True)
         held = recording.held if len(recording.held) == len(labels) else recording.held[:1]
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
+            # One flag per signal may stand for several columns.
             steps = bool(held) and held[i % len(held)]
             line = _Column(label, unit, recording.t, values[:, i], steps)
             groups.setdefault(unit, []).append(line)

@@ -91,6 +91,7 @@ def _is_changed(commit: str, work: Path, private: Path, common: Path) -> bool:
     """Whether tracked files differ from the commit; False if git fails."""
     try:
         with TemporaryDirectory(prefix="spikeblocks-git-") as empty:
+            # Hashes of 64 digits are SHA-256, which git reads only if the configuration says so.
             form = "\n[extensions]\n\tobjectFormat = sha256\n" if len(commit) == 64 else ""
             version = "1" if form else "0"
             # A git folder of our own, with an empty configuration, that borrows the other one's

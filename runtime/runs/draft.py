@@ -212,6 +212,8 @@ def _is_alive(path: Path) -> bool:
     try:
         file = open_file(path / LOCK, os.O_RDWR)
     except FileNotFoundError:
+        # Between the folder and its lock there is a moment without a lock: a young folder counts as
+        # alive.
         return time.time() - path.lstat().st_mtime < YOUNG
     except OSError:
         return True  # another user's

@@ -327,7 +327,7 @@ def _recording(
     held = tuple(map(bool, info.get("held", ())))
     if held and len(held) != len(labels):
         raise ValueError(
-            f"probe '{name}': held is given {len(held)} times for {len(labels)} columns"
+            f"probe '{name}': 'held' has {len(held)} entries for {len(labels)} columns"
         )
     auto = bool(info["auto"])
     return Recording(name, t, values, labels, units, kinds, addresses, auto, names, held, time_unit)
@@ -353,7 +353,7 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise UsageError(f"cannot read '{path}': {error.strerror}{_remedy(path)}") from None
     except UnicodeDecodeError:
-        raise _damage_error(path, "it is no UTF-8 text") from None
+        raise _damage_error(path, "it is not text in UTF-8") from None
     except ValueError as error:
         raise _damage_error(path, str(error)) from None
 
@@ -364,7 +364,7 @@ def _mapping(path: Path) -> dict[str, Any]:
         # Half a character (a lone surrogate) can be read but not written.
         json.dumps(data, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:
-        raise _damage_error(path, f"no JSON ({error})") from None
+        raise _damage_error(path, f"it is not valid JSON ({error})") from None
     if not isinstance(data, dict):
         raise _damage_error(path, f"expected an object, got {type(data).__name__}")
     return data

@@ -173,6 +173,7 @@ def _set_states(engine: Engine, states: Mapping[str, Any]) -> None:
         if array.shape not in ((), slot.shape):
             raise UsageError(f"'{address}' has shape {slot.shape}, got {array.shape}")
         row = engine.state.continuous[slot.start : slot.stop]
+        # A number stands for all components of a state, as in graphs.
         row[...] = np.broadcast_to(array, slot.shape).reshape(-1)
 
 

@@ -122,6 +122,7 @@ def at_start(graph: PreparedRun) -> Result:
         if probe.constant
     }
     result = _result(graph, Outcome({}, 0), probes, {}, [], datetime.now().astimezone())
+    # Tuning is computed before the first tick; all other plots would be empty.
     result.plots = [plot for plot in result.plots if plot.definition.of_tuning]
     return result
 
@@ -273,6 +274,7 @@ def _compiler(engine: str) -> dict[str, str]:
 
 def _order(program: Program) -> list[str]:
     """The probes in the order in which a tick computes their signals."""
+    # Comparisons list probes as signals flow, from sources to plants, and not by their names.
     ranks: dict[str, int] = {}
     for call in program.plan.evaluations:
         ranks.setdefault(call.block, len(ranks))

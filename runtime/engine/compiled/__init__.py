@@ -1,7 +1,7 @@
 """The compiled engine: the plan and the blocks that it calls as C, compiled and loaded.
 
-``kernels`` has every block as a C unit (from ``runtime.compiler``), ``emit`` writes the plan that
-calls them, ``memory`` what both languages share, and ``runner`` runs it for the engine.
+``kernels`` has every block as a C unit (from ``runtime.compiler``), ``c_plan`` prints the
+plan that calls them, ``memory`` is what both languages share, ``runner`` runs it for the engine.
 """
 
 from runtime.engine.compiled.kernels import make_kernels
