@@ -40,6 +40,7 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
     The top scope, and the document with every ``$name`` of the top level filled in.
     """
     work = Work(problems)
+    # Before anything walks it: a few lines may stand for more values than fit in memory.
     work.check(document, document.where, "")
     check_keys(document, SECTIONS, "", problems, "section")
     document_filled = fill_sections(document, document.get("params"), "", problems, work)

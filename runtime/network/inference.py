@@ -308,6 +308,7 @@ class _Inference:
                 )
 
     def check(self, wire: Wire, coming: SignalType, target: SignalType, why: str) -> None:
+        # A length is open: the kinds alone can be compared as yet.
         if target.symbol or coming.symbol:
             if coming.name == target.name or {coming.name, target.name} == {"Scalar", "Vector"}:
                 return
@@ -353,6 +354,7 @@ def _bind(port_type: PortType, block: _Bindings, kind: SignalType, why: str) -> 
     symbol = port_type.symbol
     if not symbol or symbol in block.lengths:
         return False
+    # A scalar may be wired to a vector of one number (see compatible).
     length = 1 if kind == Scalar and port_type.name == "Vector" else kind.length
     if not isinstance(length, int) or kind.name not in (port_type.name, "Scalar"):
         return False

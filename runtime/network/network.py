@@ -217,6 +217,7 @@ class Network:
         kind = self.types.get((wire.source.block, wire.source.port))
         if kind is None:
             return [wire]  # the block's own problem is reported
+        # One wire for each number, so that terms and their order are those of components.
         names = component_names(kind, wire.source)
         return [replace(wire, source=replace(wire.source, component=name)) for name in names]
 

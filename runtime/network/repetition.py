@@ -35,6 +35,7 @@ def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPa
     one = entry.with_item("repeat", None).with_item("share", None)
     params = one.get("params")
     for i in range(count):
+        # Only where the part declares it: an unused param is an error.
         if params is not None and params.get(INDEX) is not None:
             number = Node(i, params.where, params.key)
             one = one.with_item("params", params.with_item(INDEX, number))

@@ -121,6 +121,7 @@ def plot_keys(kind: str) -> tuple[str, ...]:
 
 def plot_kind_names(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those in a world only if there is one."""
+    # Kinds that need a world are of no help in a graph without one.
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
     names = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
     return PLOT_KINDS.names(names)

@@ -142,6 +142,8 @@ class Probe:
     def missed_event(self) -> str:
         """Which event a probe would miss or repeat; '' if none."""
         for signal in self.signals:
+            # A row is the signal at its tick: an event between two rows would be lost, and one that
+            # is held would be counted twice.
             if signal.is_event and signal.every != self.input_every:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
                 message = (
@@ -278,6 +280,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     constant = spec.outputs[end.port].constant
     shape, name = kind_at.shape, kind_at.name
     name_shown = "" if end.component or shape else spec.outputs[end.port].label
+    # Figures draw steps for what is held between ticks, and straight lines for what moves.
     held = (end.block, end.port) not in network.moving
     return Signal(
         *(label, end, shape, labels, units, name, entry.every),

@@ -111,6 +111,7 @@ class _Reader:
         for name, node in probes.items():
             self.check_name(name, node, f"probes.{name}")
             self.probe(name, node, f"probes.{name}")
+        # After the probes, which both may name.
         for kind, reader in (("plots", self.plot), ("metrics", self.metric)):
             for name, node in section(document, kind, kind, self.problems).items():
                 address = f"{kind}.{name}"
@@ -318,6 +319,7 @@ class _Reader:
         names = []
         for item, place in self.sources(owner, key, keys, address):
             name = item.value
+            # With a section probes that could not be read, any name may be one of its entries.
             if "probes" in self.unread and "." not in name:
                 continue
             if name not in self.observation.probes and name not in self.declared:

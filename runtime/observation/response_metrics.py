@@ -101,6 +101,7 @@ def overshoot(series: Mapping[str, Series], options: Mapping[str, Any]) -> float
     error = _flat(deviation(series, options))
     if error[0] == 0.0:
         return None
+    # The deviation begins at error[0] and has the other sign beyond the target.
     return max(0.0, float((error / -error[0]).max()))
 
 
