@@ -76,6 +76,37 @@ def test_a_library_in_the_cache_starts_no_process(
     assert toolchain.find_compiler() == compiler
 
 
+CLIPPED = """
+#include <stdint.h>
+#include <stdlib.h>
+static inline double np_clip(double x, double low, double high)
+{
+    double found = x >= low || x != x ? x : low;
+    return found <= high || found != found ? found : high;
+}
+void chosen(const double *x, double high, double other, double *b, double *out)
+{
+    int64_t *z = malloc(48);
+    for (int64_t i = 0; i < 2; i++) for (int64_t j = 0; j < 3; j++) z[3*i+j] = 0;
+    for (int64_t i = 0; i < 2; i++) for (int64_t j = 0; j < 3; j++)
+        b[3*i+j] = (double)z[3*i+j] + 2.5;
+    for (int64_t i = 0; i < 2; i++) for (int64_t j = 0; j < 3; j++)
+        out[3*i+j] = (np_clip(x[3*i+j], 0.0, high) > 0.0) ? b[3*i+j] : other;
+    free(z);
+}
+"""
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_loop_that_gcc_computes_wrongly_at_o3() -> None:
+    # np.where(np.clip(x, 0, 0.5625) > 0, 2.5, 6.75): gcc 12.2 at -O3 gives 0 for x[3].
+    x, b, out = ((ctypes.c_double * 6)(*values) for values in ((1, -0.5, 2, 3, 0.25, -1), (), ()))
+    function = build([TranslationUnit("chosen", CLIPPED)]).functions.chosen
+    function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, *[ctypes.c_void_p] * 2]
+    function(x, 0.5625, 6.75, b, out)
+    assert list(out) == [2.5, 6.75, 2.5, 2.5, 2.5, 6.75]
+
+
 @pytest.mark.usefixtures("compiler")
 def test_another_plan_compiles_one_unit() -> None:
     build(UNITS)
