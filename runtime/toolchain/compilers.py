@@ -71,6 +71,11 @@ class Compiler:
         """What objects depend on, apart from their text and flags; for manifests and caches."""
         return f"{self.version} ({self.target})"
 
+    @property
+    def is_clang(self) -> bool:
+        """Whether it is clang, also under the name of cc or gcc (macOS), and as zig's."""
+        return "clang" in self.version.lower()
+
 
 @dataclass(frozen=True)
 class _CompilerCommand:

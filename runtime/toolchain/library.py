@@ -31,13 +31,14 @@ INEXACT = (
     *("acosh", "atanh", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "cbrt", "hypot"),
     *("pow", "erf", "erfc", "tgamma", "lgamma"),
 )
-# How much a unit is optimised. At -O2 alone, gcc leaves loops of unknown length without vector
-# instructions, and case A takes 1.3 times as long. At -O3, gcc 12.2 computes wrong numbers for a
-# comparison of a clipped value in loops of constant, small length (test_library.py has the loop);
-# without -fno-trapping-math it does not, but 10,000 neurons take 1.4 times as long. A plan, which
-# only calls, is compiled in half of the time at -O1.
-THOROUGH = ("-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic")
-QUICK = ("-O1",)
+# How much a unit is optimised; a plan, which only calls, is compiled in half of the time at -O1.
+# Not -O3: gcc 12.2 then computes wrong numbers for a comparison of a clipped value in loops of
+# constant, small length (test_library.py has one). Without -fno-trapping-math it does not, but
+# 10,000 neurons take 1.4 times as long.
+THOROUGH, QUICK = "-O2", "-O1"
+# At -O2 alone, gcc leaves loops of unknown length without vector instructions, and case A takes 1.3
+# times as long. clang has them anyway, and does not know these options.
+VECTORS = ("-ftree-vectorize", "-fvect-cost-model=dynamic")
 # No flag changes the result of an operation: neither fused multiply-add nor fast-math.
 # -fno-math-errno and -fno-trapping-math say that nobody reads errno or floating-point exceptions,
 # which lets sqrt be one instruction.
@@ -76,7 +77,7 @@ class TranslationUnit:
 
     name: str
     text: str
-    level: tuple[str, ...] = THOROUGH
+    level: str = THOROUGH
 
 
 @dataclass(frozen=True)
@@ -146,9 +147,8 @@ class Builder:
         if key not in self._futures:
             with self._writing():
                 work = self._work
-            self._futures[key] = self._pool.submit(
-                _compile, work, key, unit, self.compiler, self.flags
-            )
+            flags = (*self.flags, *self._level(unit))
+            self._futures[key] = self._pool.submit(_compile, work, key, unit, self.compiler, flags)
 
     def build(
         self,
@@ -181,8 +181,12 @@ class Builder:
             advice = f"does its folder forbid execution? {store.VARIABLE} names another one"
             raise BuildError(f"cannot load compiled code ({advice}): {error}") from None
 
+    def _level(self, unit: TranslationUnit) -> tuple[str, ...]:
+        vectors = unit.level == THOROUGH and not self.compiler.is_clang
+        return (unit.level, *(VECTORS if vectors else ()))
+
     def _key(self, unit: TranslationUnit) -> str:
-        return f"unit_{store.digest(*self._settings, *unit.level, unit.text)}{OBJECT}"
+        return f"unit_{store.digest(*self._settings, *self._level(unit), unit.text)}{OBJECT}"
 
     def _writing(self) -> AbstractContextManager[None]:
         return system_errors(f"keep compiled code in '{store.folder()}'")
@@ -233,7 +237,7 @@ def _compile(
     place.mkdir()
     source = f"{slug(unit.name, 'unit')}.c"
     (place / source).write_text(unit.text, encoding="utf-8")
-    words = [*compiler.command, *flags, *unit.level, "-c", source, "-o", str(work / key)]
+    words = [*compiler.command, *flags, "-c", source, "-o", str(work / key)]
     _call(words, place, f"the C compiler did not accept '{unit.name}'", unit.name)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -74,6 +75,12 @@ def test_a_library_in_the_cache_starts_no_process(
     assert made.compiled == () and value(made, "plan", 3.0) == math.sqrt(10.0)
     assert files(cache) == before
     assert toolchain.find_compiler() == compiler
+
+
+@pytest.mark.skipif(shutil.which("clang") is None, reason="no clang")
+def test_clang_takes_the_same_text_with_its_own_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "clang")
+    assert value(build(UNITS), "plan", 3.0) == math.sqrt(10.0)
 
 
 CLIPPED = """
