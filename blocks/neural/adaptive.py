@@ -29,7 +29,7 @@ from blocks.core import (
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
 from blocks.neural.lif import lif_rate_step, lif_step
-from blocks.neural.rules import follow, pes_step
+from blocks.neural.rules import follow, pes_step, smooth
 
 # Hz. Without it, a normalised step of neurons that are nearly silent would be unbounded.
 SILENT = 10.0
@@ -256,10 +256,7 @@ class AdaptiveEnsemble(LearningEnsemble):
             state.empty,
             state.constants,
         )
-        # Not s += share (r - s), as in `follow`: that rounds otherwise, and the published runs were
-        # made with this form.
-        state.activity *= state.fade
-        state.activity += state.pass_on * state.spikes
+        smooth(state.activity, state.spikes, state.fade, state.pass_on)
 
     def _flush(self, state: BlockState) -> None:
         flush(state.voltage)

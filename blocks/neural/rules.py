@@ -85,6 +85,29 @@ def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
     activity += share * (spikes - activity)
 
 
+@kernel_of(follow)
+def _follow_kernel(activity: FloatArray, spikes: FloatArray, share: float) -> None:
+    for i in range(len(activity)):
+        activity[i] += share * (spikes[i] - activity[i])
+
+
+def smooth(activity: FloatArray, spikes: FloatArray, fade: float, share: float) -> None:
+    """activity = fade activity + share spikes.
+
+    With fade = 1 - share it is :func:`follow` but for rounding; the published runs of the paper's
+    ensemble were made with this form.
+    """
+    activity *= fade
+    activity += share * spikes
+
+
+@kernel_of(smooth)
+def _smooth_kernel(activity: FloatArray, spikes: FloatArray, fade: float, share: float) -> None:
+    # One pass; the two statements above become four, by way of an array each.
+    for i in range(len(activity)):
+        activity[i] = activity[i] * fade + share * spikes[i]
+
+
 def pes_step(
     weights: FloatArray,
     activity: FloatArray,
