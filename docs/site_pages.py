@@ -21,7 +21,7 @@ from pictures import PICTURES, Picture, of_run
 
 import runtime
 from runtime.cli import make_parser
-from runtime.cli.commands import NAMES
+from runtime.cli.commands import VERBS
 from runtime.cli.shipped import Shipped, shipped
 from runtime.engine import python_seconds
 from runtime.files import slug
@@ -52,7 +52,7 @@ def command_line() -> str:
     (verbs,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     lines = ["# Command line", "", "What `runtime VERB --help` prints. `runtime --help`:", ""]
     lines += ["```text", parser.format_help().rstrip(), "```", ""]
-    for name in NAMES:
+    for name in VERBS.names():
         lines += [f"## runtime {name}", "", "```text"]
         lines += [verbs.choices[name].format_help().rstrip(), "```", ""]
     return "\n".join(lines)
