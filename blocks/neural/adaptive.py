@@ -25,6 +25,7 @@ from blocks.core import (
     dot,
     kernel_of,
     param,
+    portable,
 )
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
@@ -89,6 +90,7 @@ class LearningEnsemble(Learner):
             raise ParameterError([("encoders", message)])
 
     def start(self, state: BlockState) -> None:
+        portable.load()
         n, d = state.scaled_encoders.shape
         # Always drawn, in this order, so that fixing one quantity does not change the others.
         low, high = self.max_rates.tolist()

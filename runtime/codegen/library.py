@@ -188,6 +188,11 @@ def _clip(body: Body, a: Value, a_min: Value, a_max: Value) -> Value:
 
 
 def _sign(body: Body, x: Value, /) -> Value:
+    kind = arrays.common([x])
+    if kind == INT and isinstance(x.type, Array):
+        return lifted(body, [x], lambda a: scalars.call("int_sign", a.expr, kind=INT), INT)
+    if kind != FLOAT:
+        raise NotTypedError("takes np.sign of an int or a bool; use np.sign(float(x))")
     return _one("sign", "sign_of", body, x)
 
 
@@ -198,6 +203,8 @@ def _square(body: Body, x: Value, /) -> Value:
 
 def _where(body: Body, condition: Value, x: Value, y: Value, /) -> Value:
     kind = arrays.common([x, y])
+    # Both are computed, also the one that is not taken: 1 // n fails for n = 0 in either case.
+    x, y = (v if isinstance(v.type, Array) else body.kept(v) for v in (x, y))
 
     def of(test: Value, a: Value, b: Value) -> Value:
         a, b = converted(a, kind), converted(b, kind)

@@ -422,6 +422,11 @@ INLINE int64_t int_abs(struct context *ctx, int64_t a, int64_t failure)
     return a < 0 ? -a : a;
 }
 
+INLINE int64_t int_sign(int64_t a)
+{
+    return (a > 0) - (a < 0);
+}
+
 INLINE double sign_of(double a)
 {
     return a > 0.0 ? 1.0 : a < 0.0 ? -1.0 : a == 0.0 ? 0.0 : a;
@@ -533,7 +538,7 @@ static MAYBE_UNUSED double sum_of(const double *a, int64_t n)
         value = stack[depth].left + value;
         depth--;
     }
-    return value;
+    return value + 0.0; /* NumPy adds to 0: the sum of -0.0 is 0.0 */
 }
 
 INLINE void copy_numbers(double *to, const double *from, int64_t n)

@@ -230,7 +230,8 @@ def _number_as(value: Value, kind: Number) -> Value | None:
     if kind == INT and value.type == BOOL:
         if value.const is not UNKNOWN:
             return number(int(value.const))
-        return Value(INT, value.leaves, low=0, high=2)
+        # Not C's own conversion, which is to an int of 32 bits: 1103515245 * (x + 1) would be one.
+        return Value(INT, (Prefix("(int64_t)", value.expr),), low=0, high=2)
     return None
 
 
