@@ -8,7 +8,7 @@ chosen(FORMATS, "svgg", "diagram format")       # no diagram format 'svgg', did 
 from __future__ import annotations
 
 import math
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -20,6 +20,17 @@ if TYPE_CHECKING:
     from blocks.extensions import Registry
 
 T = TypeVar("T")
+
+
+class Once(Action):
+    """An option that may be given once; of two, argparse would keep the last without a word."""
+
+    def __call__(
+        self, parser: ArgumentParser, namespace: Namespace, value: object, option: str | None = None
+    ) -> None:
+        if getattr(namespace, self.dest) is not None:
+            parser.error(f"{option} is given twice; it takes one value")
+        setattr(namespace, self.dest, value)
 
 
 def add_json(parser: ArgumentParser) -> None:

@@ -86,7 +86,8 @@ def lenses(model: Model) -> list[Lens]:
     """Commands for the whole graph at its title, and for each block at its name."""
     if model.kind != "graph":
         return []
-    first = model.root.get("graph") or next(iter(model.root.items), None)
+    # An unclosed "[" at the top makes items without keys of what follows.
+    first = model.root.get("graph") or next((item for item in model.root.items if item.key), None)
     if first is None:
         return []
     span = first.key_span

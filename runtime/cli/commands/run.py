@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.arguments import add_output, show_folder
+from runtime.arguments import Once, add_output, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
 from runtime.cli.commands.simulating import saved, simulated
@@ -31,6 +31,7 @@ def add(parser: ArgumentParser) -> None:
     add_output(parser, "runs", "run folders")
     parser.add_argument(
         "--vs",
+        action=Once,
         metavar="CHANGE=VALUE",
         help="also run with one more change, and draw both runs in the same pictures: "
         "without=adaptive, bypass=limit, replace=lqr=PathPID, with=conditions/lag, "

@@ -63,6 +63,7 @@ COMMANDS = (
     "completion bash",
     "lsp",
     "schema",
+    "plugins",
 )
 # One process runs all: starting one for each would take longer than what they do.
 DRIVER = """

@@ -110,3 +110,4 @@ def test_lenses(case_c: Model) -> None:
     assert [lens.command for lens in found[:2]] == ["run", "diagram"]
     assert "adaptive" in {lens.block for lens in found if lens.command == "compare"}
     assert lenses(model_of("room: []\n", GRAPHS / "worlds" / "x.yaml")) == []
+    assert lenses(model_of("[# x\ngraph: a\nblocks: {}\n", GRAPHS / "x.yaml")) == []

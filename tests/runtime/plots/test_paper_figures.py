@@ -224,6 +224,10 @@ def test_lines_of_both_runs_are_their_recordings() -> None:
             ["--vs", "without=adaptive", "--labels", "a,b,c"],
             "--labels a,b,c: expected two names for --vs, as in 'mine,theirs'",
         ),
+        (
+            ("--vs", "without=adaptive", "--vs", "bypass=limit"),
+            "--vs is given twice; it takes one value",
+        ),
     ],
 )
 def test_wrong_options_end_before_the_run(
