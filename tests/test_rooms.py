@@ -33,7 +33,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.lazy",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),
     ("runtime.files",),
-    ("runtime.terminal", "runtime.dataframes", "runtime.toolchain"),
+    ("runtime.terminal", "runtime.toolchain"),
     ("runtime.arguments",),
     ("runtime.document",),
     ("runtime.network",),

@@ -59,8 +59,10 @@ def implicit(
     rows = len(slopes) - n - SPARE
     first = rows - INCREMENTS
     i = stage - first
-    steps = start + np.sqrt(DIFFERENCE * np.maximum(1e-5, np.abs(start)))
-    states[:] = np.where(colours == stage, steps, start)
+    states[:] = start
+    if i <= 0:
+        steps = start + np.sqrt(DIFFERENCE * np.maximum(1e-5, np.abs(start)))
+        np.copyto(states, steps, where=colours == stage)  # of no state for i = 0
     if i < 0:
         return
     row = 0 if i == 0 else stage

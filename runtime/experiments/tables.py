@@ -18,7 +18,6 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.dataframes import dataframe
 from runtime.document import parse_yaml
 from runtime.experiments.ablation import AblationResult
 from runtime.experiments.analysis import (
@@ -36,7 +35,7 @@ from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
 from runtime.experiments.tuning import Candidate, Judgement, TuningResult, judgements, summary
-from runtime.runs import Figures
+from runtime.runs import Figures, dataframe
 from runtime.terminal import table, with_unit
 
 if TYPE_CHECKING:

@@ -37,6 +37,7 @@ from runtime.runs.linearization import Linearization, linearize
 from runtime.runs.notebook import Figures
 from runtime.runs.result import Result, open_run
 from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+from runtime.runs.tables import dataframe
 
 __all__ = [
     "DIAGRAM",
@@ -53,6 +54,7 @@ __all__ = [
     "at_start",
     "chosen_runner",
     "contents",
+    "dataframe",
     "git_commit",
     "leftovers",
     "linearize",

@@ -10,7 +10,7 @@ automatic differentiation would need each block written for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -105,19 +105,8 @@ def linearize(
     offsets, labels = _offsets(network, inputs)
     watches = [_watch(network, text) for text in outputs]
     flow = flow_at(engine, tick, offsets, watches)
-    x = engine.state.continuous
-
-    # One function of (x, u) whose value is x' above y: its two Jacobians are A above C, and B
-    # above D.
-    def at_point(state: FloatArray, offset: FloatArray) -> FloatArray:
-        x[:] = state
-        slopes, y = flow(offset.tolist())
-        return np.array([*slopes, *y])
-
-    x0, u0 = x.copy(), np.zeros(len(labels))
-    by_state = _differences(lambda v: at_point(v, u0), x0)
-    by_input = _differences(lambda v: at_point(x0, v), u0)
-    x[:] = x0
+    x0 = engine.state.continuous.copy()
+    by_state, by_input = _jacobians(engine.state.continuous, flow, len(labels))
     n = row.size
     rows = [
         each for text, w in zip(outputs, watches, strict=True) for each in _rows(network, text, w)
@@ -134,6 +123,23 @@ def linearize(
         t=tick * network.dt,
         time_unit=network.time_unit,
     )
+
+
+def _jacobians(
+    x: FloatArray, flow: Callable[[list[float]], tuple[list[float], list[float]]], inputs: int
+) -> tuple[FloatArray, FloatArray]:
+    """A above C, and B above D: the Jacobians of one function of (x, u) that gives x' above y."""
+
+    def at_point(state: FloatArray, offset: FloatArray) -> FloatArray:
+        x[:] = state
+        slopes, y = flow(offset.tolist())
+        return np.array([*slopes, *y])
+
+    x0, u0 = x.copy(), np.zeros(inputs)
+    by_state = _differences(lambda v: at_point(v, u0), x0)
+    by_input = _differences(lambda v: at_point(x0, v), u0)
+    x[:] = x0
+    return by_state, by_input
 
 
 def _operating_point(network: Network, at: float) -> tuple[Engine, int]:
