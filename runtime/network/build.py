@@ -418,10 +418,22 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
     Returns the error of a block that needs a package that is not installed: the graph is right.
     """
     missing: MissingPackageError | None = None
-    # A wire from a block of an unknown type is missing for a reason that is reported already.
-    removed = {(wire.block, wire.port) for wire in network.removed_wires}
-    lost = {at for at, flags in network.terms.items() if not all(flags)}
-    incomplete = {block for block, _ in lost - removed}
+    # What a block cannot be judged for: a wire from a block of an unknown type is missing, and the
+    # components that arrive from one that could not be constructed are not counted.
+    removed = {(wire.block, wire.port, wire.term) for wire in network.removed_wires}
+    lost = {
+        (*at, term)
+        for at, flags in network.terms.items()
+        if not all(flags)
+        for term, flag in enumerate(flags)
+        if not flag
+    }
+    incomplete = {block for block, _, _ in lost - removed}
+    incomplete |= {
+        wire.block
+        for wire in network.wires
+        if (wire.source.block, wire.source.port) not in network.types
+    }
     for name, entry in network.entries.items():
         if (
             entry.block_or_none is None

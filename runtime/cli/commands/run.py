@@ -92,7 +92,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
     others, draws = {}, interrupts.leaves_time
     try:
         if draws and failure is None and (options.vs or not options.no_plots):
-            others = run_rivals(compared, quiet, Path(options.out))
+            others = run_rivals(compared, graph, quiet, Path(options.out))
     except KeyboardInterrupt:
         code, draws = code or 130, False
     if not options.json:
@@ -114,6 +114,8 @@ def _once(options: Namespace, before: Result | None) -> Done:
         show_folder("run", folder, pictures)
         _show_profile(rows)
     _report_failures(result, failure, folder)
+    if failure is not None and compared:
+        tell(f"the run with {' and '.join(compared)} was left out, since this one failed")
     return Done(code, result, [Path(name) for name in graph.texts])
 
 
