@@ -177,6 +177,7 @@ class TestTheCommand:
 
 
 class TestSurvival:
+    @pytest.mark.slow
     def test_killed_and_resumed_is_never_killed(
         self, script: Path, here: Run, draw: Path, tmp_path: Path
     ) -> None:
@@ -197,6 +198,7 @@ class TestSurvival:
         for name in ("index.csv", "held_out.csv"):
             assert rows(folder, name) == rows(tmp_path / "tunings" / "whole", name)
 
+    @pytest.mark.slow
     def test_ctrl_c_keeps_what_is_done_and_resume_completes_it(
         self, script: Path, here: Run, draw: Path, tmp_path: Path
     ) -> None:
