@@ -63,6 +63,7 @@ def test_every_experiment_is_part_of_the_study(file: Path) -> None:
 @pytest.mark.parametrize(
     "configuration", CONFIGURATIONS, ids=lambda configuration: configuration.label
 )
+@pytest.mark.slow
 def test_all_variants_build_and_can_be_compared(configuration: Configuration, rule: str) -> None:
     experiment = runs.read(configuration, rule)
     graphs = {variant.name: variant.graph for variant in experiment.variants}

@@ -61,6 +61,7 @@ def test_the_path_is_at_its_distance(
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
+@pytest.mark.slow
 def test_the_path_keeps_clear_of_the_walls_seen(
     views: list[tuple[Pose, np.ndarray]], sigma: float
 ) -> None:

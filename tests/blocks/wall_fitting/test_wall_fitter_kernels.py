@@ -99,6 +99,7 @@ def compare(fitter: Fitter, loops: Loops, scan: np.ndarray, pose: Pose) -> float
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.slow
 def test_rooms(form: str, side: str, degree: int) -> None:
     fitter = Fitter(fit=form, side=side, degree=degree)
     seen = sum(

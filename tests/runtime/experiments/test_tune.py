@@ -96,6 +96,7 @@ class TestTheCommand:
             assert one["runs"] == (3 if one["status"] == "complete" else one["runs"] or 0)
 
     @pytest.mark.parametrize("sampler", ["tpe", "nsga2", "sobol", "random"])
+    @pytest.mark.slow
     def test_the_same_seed_gives_the_same_trials_with_any_workers(
         self, here: Run, draw: Path, tmp_path: Path, sampler: str
     ) -> None:

@@ -95,6 +95,7 @@ def test_robot_trail_and_hits_are_in_their_positions(drawn: Path, run_folder: Pa
     assert np.abs(motion.world.distance(places[from_robot])).max() < 0.04
 
 
+@pytest.mark.slow
 def test_the_film_has_all_frames(drawn: Path) -> None:
     decode = (imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-i")
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-")
