@@ -86,7 +86,7 @@ class Param:
 
         ``sizes`` are the known sizes of the symbols in its shapes.
         """
-        if self.choices:
+        if self.choices and self.kind != "array":
             return "one of " + ", ".join(self.choices)
         if self.setting is not None:
             return f"{self.setting.expected} in {self.unit}".removesuffix(" in ")
@@ -125,7 +125,8 @@ class Param:
         limits = " and ".join(bounds)
         if not limits and self.unit:
             limits = "in"  # "a number in m", but "a number above 0 m"
-        return " ".join([noun, limits, self.unit]).replace("  ", " ").strip()
+        text = " ".join([noun, limits, self.unit]).replace("  ", " ").strip()
+        return ", or ".join([text, *self.choices])
 
     def bound(self, name: str, kind: ParamKind | type[Setting]) -> Param:
         """The declaration, completed by its name and annotation in the class body."""
@@ -145,6 +146,8 @@ class Param:
             return None
         if self.setting is not None and isinstance(value, self.setting):
             return value
+        if self.kind == "array" and isinstance(value, str) and value in self.choices:
+            return value
         try:
             if self.setting is not None:
                 return self.setting.read(value)
@@ -156,7 +159,7 @@ class Param:
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
             text = f"expected {self.describe()}, got {show(value)}{self._number_hint(value)}"
             raise ValueError(text) from None
-        if self.choices and converted not in self.choices:
+        if self.choices and self.kind != "array" and converted not in self.choices:
             raise ValueError(
                 f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
             )
@@ -228,7 +231,7 @@ def param(
     unit : SI unit, as plots and messages print it; one per column, as in ``m, m, rad``. Where it
         begins with rad, graphs may write degrees: ``90deg``, ``30deg/s``.
     above, at_least, below, at_most : bounds; of every element, for an array.
-    choices : the allowed strings.
+    choices : the allowed strings; those of an array stand in place of its numbers.
     shape : an array's shape, or several allowed ones; a string is the size given by the integer
         parameter of that name, None any size.
     finite : False accepts ``inf``.
