@@ -20,13 +20,15 @@ from blocks.core.elementwise import (
     piece,
     spread_to,
 )
-from blocks.core.expression_reader import ExpressionError, parsed
+from blocks.core.equations import Equations, items, value_type, width_of, wrong_size
+from blocks.core.expression_arrays import ARRAYS, CREATION
+from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
-    Expression,
+    Expressions,
     expression_function,
     function_from,
     function_text,
-    read_expression,
+    read_expressions,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.hints import hint
@@ -43,6 +45,7 @@ from blocks.core.matrices import (
     times,
     transposed,
 )
+from blocks.core.names import Constants, Definitions, Names, misnamed
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -57,7 +60,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import RESERVED, modulo, nearest, wrap
+from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -85,23 +88,30 @@ from blocks.core.signals import (
 from blocks.core.variants import Variant
 
 __all__ = [
+    "ARRAYS",
+    "CONSTANTS",
+    "CREATION",
+    "FUNCTIONS",
     "REQUIRED",
-    "RESERVED",
     "TYPES",
     "Block",
     "BlockContext",
     "BlockSpec",
     "BlockState",
     "BoolArray",
+    "Constants",
     "DeclarationError",
+    "Definitions",
     "Elementwise",
+    "Equations",
     "Evaluation",
-    "Expression",
     "ExpressionError",
+    "Expressions",
     "FloatArray",
     "Input",
     "IntArray",
     "MissingPackageError",
+    "Names",
     "Options",
     "Output",
     "Param",
@@ -143,10 +153,12 @@ __all__ = [
     "function_text",
     "has_kernels",
     "hint",
+    "items",
     "kernel_for",
     "kernel_of",
     "kron",
     "maybe_degrees",
+    "misnamed",
     "modulo",
     "nearest",
     "param",
@@ -156,7 +168,7 @@ __all__ = [
     "plain",
     "portable",
     "product",
-    "read_expression",
+    "read_expressions",
     "require",
     "show",
     "signal_type",
@@ -168,5 +180,8 @@ __all__ = [
     "spread_to",
     "times",
     "transposed",
+    "value_type",
+    "width_of",
     "wrap",
+    "wrong_size",
 ]

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from blocks.core.matrices import determinant, small_product, solution
+
 # From here on all floats are integers.
 INTEGERS = 2.0**52
 # The largest arguments at which exp, sinh, gamma and lgamma are finite.
@@ -220,8 +222,6 @@ FUNCTIONS: Mapping[str, tuple[str, int | None]] = {
     **{"min": ("lesser", None), "max": ("greater", None)},
 }
 CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
-# Functions of all components of a vector.
-VECTORS = ("sum", "mean", "norm", "min", "max")
 ALIASES = {
     **{"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "ln": "log"},
     **{
@@ -240,9 +240,9 @@ _HELPERS: tuple[Callable[..., float], ...] = (
     *(real_expm1, real_gamma, real_lgamma, real_pow),
 )
 # Names that mean something in every expression.
-RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, *VECTORS])
+RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, "sum", "mean", "norm"])
 SCOPE: Mapping[str, Any] = {
     "math": math,
     "np": np,
-    **{helper.__name__: helper for helper in _HELPERS},
+    **{helper.__name__: helper for helper in (*_HELPERS, determinant, small_product, solution)},
 }
