@@ -101,7 +101,7 @@ class Reader(Indices):
     def scalar(self, node: ast.expr, depth: int) -> ast.expr:
         """A node whose value is a number."""
         value = self.value(node, depth)
-        if value.shape:
+        if len(value.parts) > 1:  # a vector of one component, as one wire to u, is a number, too
             name = ast.unparse(node) if isinstance(node, (ast.Name, ast.Subscript)) else ""
             if name:
                 self.fail(node, f"'{name}' has {value}; write one of them, as in '{name}[0]'")

@@ -57,6 +57,10 @@ class Names(Setting):
             raise SettingError([("", f"the name '{twice}' is given twice")])
         return cls(dict.fromkeys(names, ""), False)
 
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {"[x, v]": "names in order", "{x: m, v: m/s}": "names with units"}
+
     def written(self) -> Any:
         return self.units if self.has_units else list(self.units)
 
@@ -100,6 +104,10 @@ class Constants(Setting):
         if not isinstance(written, Mapping) or not all(isinstance(key, str) for key in written):
             raise ValueError
         return cls({key: _table(key, value) for key, value in written.items()})
+
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {"{k: 2.5}": "numbers", "{A: [[0, 1], [-1, 0]]}": "a matrix, row by row"}
 
     def written(self) -> Any:
         return self.values
@@ -156,6 +164,10 @@ class Definitions(Setting):
         if not isinstance(written, Mapping) or not all(isinstance(key, str) for key in written):
             raise ValueError
         return cls(written)
+
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {"{c: cos(t)}": "computed once, before the expressions that use it"}
 
     def written(self) -> Any:
         return self._written

@@ -1,4 +1,4 @@
-"""Vectors, matrices, indices and definitions in expressions: against NumPy, and both engines alike."""
+"""Vectors, matrices, indices and definitions in expressions: NumPy's values, engines alike."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
 from blocks.core import ExpressionError, expression_function, function_text, read_expressions
+from tests.examples import examples
 
 S, V, W = 0.7, [0.3, -1.2, 2.0], [1.5, 0.4, -0.8]
 A = [[2.0, -0.3, 0.5], [0.1, 1.7, -0.6], [-0.4, 0.2, 1.9]]
@@ -204,7 +205,7 @@ def texts(draw: Draw) -> list[str]:
     return [draw_text(draw, draw(st.sampled_from("nvm")), 2) for _ in range(8)]
 
 
-@settings(deadline=None)
+@examples(40)
 @given(texts())
 def test_random_arrays_are_numpys(batch: list[str]) -> None:
     for text in batch:
@@ -218,7 +219,7 @@ def block(**values: Any) -> dict[str, Any]:
     return {"type": "Function", "names": ["s", "v(3)"], "constants": {"a": A, "w": W}, **values}
 
 
-@settings(deadline=None, max_examples=4)
+@examples(12)
 @given(texts())
 def test_random_arrays_are_equal_in_both_engines(batch: list[str]) -> None:
     sources = {f"u{i}": {"type": "Sine", "frequency": 0.3 + i, "phase": 0.4 * i} for i in range(4)}
