@@ -33,7 +33,7 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.lazy import importer
+from blocks.lazy import importer
 
 if TYPE_CHECKING:
     from runtime.checking import CheckError, NotCompiledWarning, check_block

@@ -21,16 +21,15 @@ PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "example
 # Bottom floor first. A room may import from its own files and from floors below; rooms on one floor
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
-    ("blocks.extensions",),
+    ("blocks.extensions", "blocks.index"),
+    ("blocks.lazy",),
     ("blocks.core",),
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
-    ("blocks.library",),
     ("blocks",),
-    ("runtime.lazy",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),
     ("runtime.files",),
     ("runtime.terminal", "runtime.toolchain"),
@@ -79,11 +78,15 @@ EXCEPTIONS = {
 BY_NAME = ("import_module", "__import__")
 # Modules that import by a name that no text shows, and what the name can be.
 COMPUTED = {
+    "blocks": "one of its rooms",
     "blocks.core.extras": "an optional package of others",
-    "runtime.lazy": "names given to `importer`, which are counted as strings",
+    "blocks.extensions": "an entry of the library's own, counted as strings; of index.py",
+    "blocks.lazy": "names given to `importer`, counted as strings; of index.py",
+    "blocks.registry": "a module of index.py",
     "runtime.plots.figures": "a painter of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
     "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",
+    "runtime.cli.describe": "a room of blocks",
     "runtime.cli.public_api": "one of the doors in PUBLIC, counted as strings",
     "benchmarks.peers": "one of its own modules, a peer",
 }

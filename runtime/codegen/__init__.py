@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from blocks.lazy import importer
 from runtime.codegen.source import Entry, Function, RefusedError, Source, support
 from runtime.codegen.types import (
     BOOL,
@@ -28,7 +29,6 @@ from runtime.codegen.types import (
     leaves,
     unknown_call,
 )
-from runtime.lazy import importer
 
 if TYPE_CHECKING:
     from runtime.codegen.names import unused

@@ -20,10 +20,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from blocks.lazy import importer
 from runtime.compiler.cache import Records, salt
 from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
 from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
-from runtime.lazy import importer
 
 if TYPE_CHECKING:
     from runtime.compiler.translate import translate_functions

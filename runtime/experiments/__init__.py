@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy import importer
+from blocks.lazy import importer
 
 if TYPE_CHECKING:
     from runtime.experiments.ablation import AblationResult, run_ablation
