@@ -175,12 +175,14 @@ def schema_file() -> str:
 
 def index_file() -> str:
     """The text of blocks/index.py: where the names of the rooms' doors are, types apart."""
-    types, others = "", "".join(f'    "{name}": "core",\n' for name in exports(""))
-    for room in ROOMS:
-        homes, door = exports(room), importlib.import_module(f"blocks.{room}")
-        for name in door.__all__:
-            value, line = getattr(door, name), f'    "{name}": "{homes[name]}",\n'
-            if isinstance(value, type) and issubclass(value, Block):
+    types, others = "", ""
+    for room in ("", *ROOMS):
+        door = importlib.import_module(f"blocks.{room}".rstrip("."))
+        homes = {name: home.partition(":")[0] for name, home in exports(door.__name__).items()}
+        for name in door.__all__ if room else (n for n in homes if homes[n] == "blocks.core"):
+            value = getattr(door, name)
+            line = f'    "{name}": "{homes[name].removeprefix("blocks.")}",\n'
+            if room and isinstance(value, type) and issubclass(value, Block):
                 types += line
             else:
                 others += line
