@@ -15,23 +15,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from blocks.lazy import door
-from runtime.codegen.source import Entry, Function, RefusedError, Source, support
-from runtime.codegen.types import (
-    BOOL,
-    FLOAT,
-    INT,
-    Array,
-    Draws,
-    Known,
-    Number,
-    Tuple,
-    Type,
-    leaves,
-    unknown_call,
-)
 
 if TYPE_CHECKING:
     from runtime.codegen.names import unused
+    from runtime.codegen.source import Entry, Function, RefusedError, Source, support
+    from runtime.codegen.types import (
+        BOOL,
+        FLOAT,
+        INT,
+        Array,
+        Draws,
+        Known,
+        Number,
+        Tuple,
+        Type,
+        leaves,
+        unknown_call,
+    )
     from runtime.codegen.unit import Unit, Writer
 else:  # Imported where something is written, not at every start.
     __getattr__ = door(__name__)

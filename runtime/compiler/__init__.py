@@ -21,11 +21,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from blocks.lazy import door
-from runtime.compiler.cache import Records, salt
-from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
-from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
 
 if TYPE_CHECKING:
+    from runtime.compiler.cache import Records, salt
+    from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
+    from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
     from runtime.compiler.translate import translate_functions
 else:  # Imported where something is translated: most starts find everything in the cache.
     __getattr__ = door(__name__)
