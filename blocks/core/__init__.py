@@ -5,7 +5,6 @@ from blocks.core.block import (
     Block,
     BlockContext,
     BlockState,
-    DeclarationError,
     Evaluation,
     Input,
     Output,
@@ -49,6 +48,7 @@ from blocks.core.names import Constants, Definitions, Names, misnamed
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
+    DeclarationError,
     Param,
     ParameterError,
     as_matrix,
@@ -60,7 +60,11 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
+<<<<<<< HEAD
 from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, modulo, nearest, wrap
+=======
+from blocks.core.scalar_functions import misnamed, modulo, nearest, wrap
+>>>>>>> main
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,

@@ -32,6 +32,10 @@ from blocks.core import (
     size_of,
     wrong_size,
 )
+<<<<<<< HEAD
+=======
+from blocks.dynamics.equations import Equations
+>>>>>>> main
 from blocks.dynamics.kalman import (
     corrected_covariance,
     covariance_problems,
@@ -151,7 +155,11 @@ class ExtendedKalmanFilter(Equations):
         return {"Y": Scalar if self.measured == 1 else Vector(self.measured)}
 
     def validate_in(self, context: BlockContext) -> None:
+<<<<<<< HEAD
         self._check(self.input_count(context))
+=======
+        self.equations.check(self.written, context.count("u"))
+>>>>>>> main
 
     def start(self, state: BlockState) -> None:
         n, p = self.x0.size, self.measured
