@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         UsageError,
     )
     from runtime.experiments import AblationTable, SweepTable, TuningTable, ablate, sweep, tune
+    from runtime.fitting import Fit, fit
     from runtime.graph import Graph, load
     from runtime.runs import Result
     from runtime.runs import open_run as open
@@ -70,6 +71,7 @@ _check_blocks()
 __all__ = [
     "AblationTable",
     "CheckError",
+    "Fit",
     "Graph",
     "GraphError",
     "MissingExtraError",
@@ -82,6 +84,7 @@ __all__ = [
     "UsageError",
     "ablate",
     "check_block",
+    "fit",
     "load",
     "open",
     "sweep",
@@ -102,6 +105,7 @@ __getattr__ = importer(
             "runtime.experiments",
         ),
         **dict.fromkeys(("CheckError", "NotCompiledWarning", "check_block"), "runtime.checking"),
+        **dict.fromkeys(("Fit", "fit"), "runtime.fitting"),
         **dict.fromkeys(_ERRORS, "runtime.errors"),
     },
 )

@@ -1,0 +1,33 @@
+"""Parameters of a graph from recorded data, by least squares (extra: none; scipy does the search).
+
+In: a graph, ranges of some of its numbers, and columns of files beside its signals. Out: the
+numbers that reproduce the data best, with confidence intervals, and what the data cannot tell::
+
+    runtime.fit("arm.yaml", {"arm.damping": "0..1"}, {"push.csv": {"angle": "arm.angle"}})
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from runtime.lazy import importer
+
+if TYPE_CHECKING:
+    from runtime.fitting.fit_plots import fit_figures
+    from runtime.fitting.from_python import fit
+    from runtime.fitting.model import Model
+    from runtime.fitting.output import save_fit, summary
+    from runtime.fitting.solving import Fit, Parameter, fit_model
+
+_MODULES = {
+    "fit_plots": ("fit_figures",),
+    "from_python": ("fit",),
+    "model": ("Model",),
+    "output": ("save_fit", "summary"),
+    "solving": ("Fit", "Parameter", "fit_model"),
+}
+__all__ = ["Fit", "Model", "Parameter", "fit", "fit_figures", "fit_model", "save_fit", "summary"]
+__getattr__ = importer(
+    __name__,
+    {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names},
+)
