@@ -41,7 +41,7 @@ a pose, a `raster` of spikes, a `heatmap` of many columns, and a `timeseries` of
 `plots: {}` draws nothing. Every plot takes, besides its own options:
 """
 COMMON_DOC = {
-    "title": "`title` (a text): default: the name of the plot",
+    "title": "`title` (a string): default: the name of the plot",
     "labels": "`labels` (texts): names of the lines, in their order",
 }
 

@@ -175,6 +175,9 @@ def _reader(modules: Modules) -> ModuleReader:
 
 def relative_with(cls: type[Block], name: str) -> str:
     """A type of the library that has a parameter or input, and the type's name in its own."""
+    # A PathPID is a PID, but a TransferFunction is no Function: generic types have everyday names.
+    if cls.__module__.startswith("blocks.generic."):
+        return ""
     for other, cls_of_other in BUILTIN.items():
         has = name in cls_of_other.spec.params or name in cls_of_other.spec.inputs
         if has and other != cls.__name__ and cls.__name__ in other:

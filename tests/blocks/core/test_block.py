@@ -214,7 +214,7 @@ class Odd(Block):
             {"low": "a", "high": 10, "zz": 1},
             [
                 "Odd.zz: unknown parameter; it has low, high, table, rows, needed",
-                "Odd.low: expected a number, got the text 'a'",
+                "Odd.low: expected a number, got the string 'a'",
                 "Odd.high: expected a number at most 9, got 10",
                 "Odd.needed: missing; expected a string: needed",
             ],
