@@ -54,9 +54,13 @@ def fit(
     --------
     >>> import numpy as np
     >>> import runtime
-    >>> t = np.linspace(0.0, 2.0, 21)
-    >>> graph = runtime.load("gallery/first_order_feedback").set("run.until", 2.0)
-    >>> graph.names
+    >>> t = np.linspace(0.0, 9.0, 91)
+    >>> answer = np.where(t > 3.0, 2.0 - 2.0 * np.exp(-(t - 3.0)), 0.0)
+    >>> fit = runtime.fit(
+    ...     "gallery/first_order_feedback", {"step.after": "0.1..10"}, {"state.out": (t, answer)}
+    ... )
+    >>> f"{fit.values['step.after']:.4f}"
+    '2.0000'
     """
     request = Request.of({}, vary=(vary or {}).items())
     if isinstance(graph, (str, Path)):

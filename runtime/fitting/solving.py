@@ -251,7 +251,7 @@ class _Judged:
         )
 
     def _correlation(self) -> float:
-        """Of a residual with the next one of the same series; 0 where they are errors of the solver."""
+        """Of a residual with the next one of its series; 0 for errors of the solver."""
         products = total = 0.0
         for part in self._parts():
             products += float(part[1:] @ part[:-1])
