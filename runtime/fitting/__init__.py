@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy import importer
+from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.fitting.fit_plots import fit_figures
@@ -18,16 +18,7 @@ if TYPE_CHECKING:
     from runtime.fitting.model import Model
     from runtime.fitting.output import save_fit, summary
     from runtime.fitting.solving import Fit, Parameter, fit_model
+else:
+    __getattr__ = door(__name__)
 
-_MODULES = {
-    "fit_plots": ("fit_figures",),
-    "from_python": ("fit",),
-    "model": ("Model",),
-    "output": ("save_fit", "summary"),
-    "solving": ("Fit", "Parameter", "fit_model"),
-}
 __all__ = ["Fit", "Model", "Parameter", "fit", "fit_figures", "fit_model", "save_fit", "summary"]
-__getattr__ = importer(
-    __name__,
-    {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names},
-)

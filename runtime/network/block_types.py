@@ -164,7 +164,8 @@ def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]])
     name, _, port = target.partition(".")
     entry = (document.get("blocks") or Node({})).get(name) or Node({})
     type_node = entry.get("type") or Node("")
-    cls = {**BUILTIN, **classes}.get(str(type_node.value))
+    kind = str(type_node.value)
+    cls = classes.get(kind) or BUILTIN.get(kind)
     declared = cls.spec.inputs.get(port) if cls is not None else None
     return declared is not None and bool(declared.variadic)
 

@@ -221,7 +221,9 @@ def _pictures(
         drawing = Progress("drawing", wanted=wanted)
         formats = _formats(options.figures)
         files += save_plots(
-            *(result, folder / "plots", result.notes.append, formats, options.style, drawn, drawing)
+            *(result, folder / "plots", result.notes.append, formats, options.style, drawn),
+            progress=drawing,
+            share=True,
         )
         drawing.close()
     if options.animate:
