@@ -1,4 +1,4 @@
-"""Parameters of a graph from recorded data, by least squares (extra: none; scipy does the search).
+"""Parameters of a graph from recorded data, by least squares.
 
 In: a graph, ranges of some of its numbers, and columns of files beside its signals. Out: the
 numbers that reproduce the data best, with confidence intervals, and what the data cannot tell::
@@ -14,11 +14,21 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.fitting.fit_plots import fit_figures
-    from runtime.fitting.from_python import fit
+    from runtime.fitting.from_python import fit, model_of
     from runtime.fitting.model import Model
     from runtime.fitting.output import save_fit, summary
     from runtime.fitting.solving import Fit, Parameter, fit_model
 else:
     __getattr__ = door(__name__)
 
-__all__ = ["Fit", "Model", "Parameter", "fit", "fit_figures", "fit_model", "save_fit", "summary"]
+__all__ = [
+    "Fit",
+    "Model",
+    "Parameter",
+    "fit",
+    "fit_figures",
+    "fit_model",
+    "model_of",
+    "save_fit",
+    "summary",
+]

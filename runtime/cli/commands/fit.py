@@ -71,8 +71,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Fit, print the table, draw the figure."""
-    from runtime.fitting import fit_model, save_fit, summary
-    from runtime.fitting.from_python import model_of
+    from runtime.fitting import fit_model, model_of, save_fit, summary
     from runtime.runs import link_latest, new_folder
     from runtime.terminal import Progress
 
