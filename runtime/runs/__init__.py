@@ -34,10 +34,12 @@ from runtime.runs.folder import (
     run_folder,
 )
 from runtime.runs.linearization import Linearization, linearize
+from runtime.runs.margins import Margins, margins, step_info
 from runtime.runs.notebook import Figures
 from runtime.runs.result import Result, open_run
 from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
 from runtime.runs.tables import dataframe
+from runtime.runs.trim import Trim, trim
 
 __all__ = [
     "DIAGRAM",
@@ -49,8 +51,10 @@ __all__ = [
     "Draft",
     "Figures",
     "Linearization",
+    "Margins",
     "PreparedRun",
     "Result",
+    "Trim",
     "at_start",
     "chosen_runner",
     "contents",
@@ -59,6 +63,7 @@ __all__ = [
     "leftovers",
     "linearize",
     "link_latest",
+    "margins",
     "new_folder",
     "open_run",
     "portable",
@@ -69,5 +74,7 @@ __all__ = [
     "save",
     "save_elsewhere",
     "simulate",
+    "step_info",
+    "trim",
     "versions",
 ]
