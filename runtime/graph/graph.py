@@ -359,7 +359,7 @@ class Graph:
         return linearize(self.network, inputs, outputs, **how)
 
     def trim(self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any) -> Trim:
-        """An equilibrium, where no state moves; ``how`` as for :func:`runtime.runs.trim.trim`."""
+        """An equilibrium; ``how`` as for :func:`runtime.runs.equilibrium.trim`."""
         from runtime.runs import trim
 
         return trim(self.network, inputs, outputs, **how)
