@@ -22,7 +22,18 @@ from runtime.engine.program import FILENAME, Program
 from runtime.engine.python_text import PythonText
 from runtime.engine.state import Checkpoint, Held
 from runtime.network import Endpoint
-from runtime.plan import Argument, Call, Operation, Port, Restore, Signal, Source, Test, Zero
+from runtime.plan import (
+    Argument,
+    Call,
+    Operation,
+    Port,
+    Restore,
+    Signal,
+    Solve,
+    Source,
+    Test,
+    Zero,
+)
 
 
 @dataclass(frozen=True)
@@ -63,7 +74,7 @@ class PointText(PythonText):
     ) -> None:
         """All outputs and updates of a tick; returns what holds after it, and what is watched."""
         names = ", ".join(map(self.names.of, held))
-        first = [each for each in operations if each.block and _outputs(each)]
+        first = [each for each in operations if _outputs(each)]
         last = [
             each
             for each in operations
@@ -141,7 +152,7 @@ class PointText(PythonText):
 
 
 def _outputs(each: Operation) -> tuple[Signal, ...]:
-    return each.outputs if isinstance(each, (Call, Test, Zero)) else ()
+    return each.outputs if isinstance(each, (Call, Solve, Test, Zero)) else ()
 
 
 @dataclass(eq=False)
@@ -185,7 +196,11 @@ class Point:
         """What may change between ticks: outputs of continuous and memoryless blocks, and rates."""
         entries, plan = self.engine.network.entries, self.engine.plan
         moving = {n for n, e in entries.items() if e.cls.spec.continuous or e.is_memoryless}
-        found = [each for each in plan.operations if _outputs(each) and each.block in moving]
+        found = [
+            each
+            for each in plan.operations
+            if _outputs(each) and (each.block in moving or isinstance(each, Solve))
+        ]
         if plan.integration is not None:
             stage = plan.integration.stage
             found += [e for e in stage if isinstance(e, (Call, Zero)) and not e.outputs]
@@ -195,8 +210,9 @@ class Point:
     def held(self) -> tuple[Signal, ...]:
         """The signals that hold between ticks, as far as anything reads them there."""
         plan = self.engine.plan
-        moving = {s.key for e in self._moving if isinstance(e, Call) for s in e.outputs}
-        read = {s.key: s for e in self._moving if isinstance(e, Call) for s in e.reads}
+        calls = [each for each in self._moving if isinstance(each, (Call, Solve))]
+        moving = {s.key for each in calls for s in each.outputs}
+        read = {s.key: s for each in calls for s in each.reads}
         read |= {s.key: s for each in self._moving for s in each.gate.switches}
         sources = [self._source(each).whole for each in self.watched]
         read |= {s.key: s for s in sources if isinstance(s, Signal)}

@@ -10,27 +10,23 @@ from runtime.plan.building import make_plan
 from runtime.plan.c_text import CText, numbers_in
 from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
-    Argument,
     Call,
     Gate,
     Integrate,
     Load,
     Operation,
     Plan,
-    Port,
     Record,
     Restore,
-    Row,
-    Signal,
-    Slot,
-    Source,
-    StateArray,
+    Solve,
     Stop,
     Store,
     Test,
     Zero,
+    calls_in,
 )
 from runtime.plan.passes import exchanged, signals_of
+from runtime.plan.values import Argument, Port, Row, Signal, Slot, Source, StateArray
 
 __all__ = [
     "Argument",
@@ -47,12 +43,14 @@ __all__ = [
     "Row",
     "Signal",
     "Slot",
+    "Solve",
     "Source",
     "StateArray",
     "Stop",
     "Store",
     "Test",
     "Zero",
+    "calls_in",
     "continuous_row",
     "exchanged",
     "make_plan",

@@ -348,7 +348,7 @@ CASES = {
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
         "g.yaml:14:19: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these "
-        "wires breaks it",
+        "wires breaks it, and run: {loops: solve} solves it at each tick",
     ],
     # -- removing
     "without nothing": [
@@ -674,7 +674,8 @@ def test_every_loop_is_reported(tmp_path: Path) -> None:
         "a.out ▸ b.terms[0] ▸ b.out ▸ a.terms[0]",
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
     )
-    suggestion = "; a UnitDelay on one of these wires breaks it"
+    suggestion = "; a UnitDelay on one of these wires breaks it, and run: {loops: solve} solves it"
+    suggestion += " at each tick"
     assert second == f"g.yaml:17:24: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
 
 
