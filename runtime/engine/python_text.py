@@ -29,6 +29,7 @@ from runtime.plan import (
     Signal,
     Slot,
     Source,
+    Step,
     Stop,
     Test,
     Zero,
@@ -78,7 +79,7 @@ class PythonText:
         }
 
     def function(
-        self, operations: Sequence[Operation], incoming: Sequence[str], outgoing: Sequence[str]
+        self, operations: Sequence[Step], incoming: Sequence[str], outgoing: Sequence[str]
     ) -> str:
         """``run(first, last, held)``, which takes and returns the variables that outlive a tick."""
         self.leave = f"return ({', '.join(outgoing)},)" if outgoing else "return ()"
@@ -120,9 +121,9 @@ class PythonText:
 
     # Gates
 
-    def operations(self, operations: Sequence[Operation]) -> None:
+    def operations(self, operations: Sequence[Step]) -> None:
         """Write operations in order, each under its gate; those done once are left out."""
-        before: Operation | None = None
+        before: Step | None = None
         for each in operations:
             if each.gate.once:
                 continue
@@ -141,7 +142,7 @@ class PythonText:
             self.line(self.depth, f"if k % {every} == 0:")
         self.rate = every
 
-    def continues(self, before: Operation | None, each: Operation) -> bool:
+    def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
         return (
             before is not None
@@ -149,7 +150,7 @@ class PythonText:
             and (before.gate, before.block) == (each.gate, each.block)
         )
 
-    def condition(self, before: Operation | None, gate: Gate) -> str:
+    def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
         if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
             return "else:"
