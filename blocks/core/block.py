@@ -91,6 +91,7 @@ class BlockContext:
     published : the block behind each input whose wire comes from an output that publishes a
         description.
     until : the length of the run (s); None if it is not known.
+    moving : those inputs that the block recalls and that may change between two ticks.
     """
 
     dt: float
@@ -100,6 +101,7 @@ class BlockContext:
     lengths: Mapping[str, int] = field(default_factory=dict)
     published: Mapping[str, Block] = field(default_factory=dict)
     until: float | None = None
+    moving: tuple[str, ...] = ()
 
 
 class BlockState:
@@ -209,7 +211,7 @@ class Block:
             (name, f"{expected}, got {show(plain(value))}{as_matrix(value, declared)}")
             for name, declared in self.spec.params.items()
             if declared.kind == "array"
-            and (value := self.value(name)) is not None
+            and not isinstance(value := self.value(name), (str, type(None)))
             and not declared.fits(value, sizes)
             and (expected := f"expected {declared.describe()}")
         ]
@@ -227,6 +229,15 @@ class Block:
         A solver would see the value after a jump in the last stage of the step before it.
         """
         return False
+
+    @property
+    def recalls(self) -> tuple[str, ...]:
+        """Inputs of whose past the outputs are a function at any time.
+
+        If such an input moves between ticks and the block has no ``dt`` of its own, a solver asks
+        for the outputs at its stages, from what ``update`` wrote at the tick.
+        """
+        return ()
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         """Lengths that follow from others that are known, by symbol."""

@@ -82,7 +82,7 @@ class Param:
 
         ``sizes`` are the known sizes of the symbols in its shapes.
         """
-        if self.choices:
+        if self.choices and self.kind != "array":
             return "one of " + ", ".join(self.choices)
         if self.setting is not None:
             return f"{self.setting.expected} {self.unit}".strip()
@@ -118,7 +118,8 @@ class Param:
             )
             if value is not None
         ]
-        return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
+        text = " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
+        return ", or ".join([text, *self.choices])
 
     def bound(self, name: str, kind: ParamKind | type[Setting]) -> Param:
         """The declaration, completed by its name and annotation in the class body."""
@@ -138,6 +139,8 @@ class Param:
             return None
         if self.setting is not None and isinstance(value, self.setting):
             return value
+        if self.kind == "array" and isinstance(value, str) and value in self.choices:
+            return value
         try:
             if self.setting is not None:
                 return self.setting.read(value)
@@ -149,7 +152,7 @@ class Param:
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
             text = f"expected {self.describe()}, got {show(value)}{self._number_hint(value)}"
             raise ValueError(text) from None
-        if self.choices and converted not in self.choices:
+        if self.choices and self.kind != "array" and converted not in self.choices:
             raise ValueError(
                 f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
             )
@@ -221,7 +224,7 @@ def param(
     unit : SI unit, as plots and messages print it; one per column, as in ``m, m, rad``. Where it
         begins with rad, graphs may write degrees: ``90deg``, ``30deg/s``.
     above, at_least, below, at_most : bounds; of every element, for an array.
-    choices : the allowed texts.
+    choices : the allowed texts; those of an array stand in place of its numbers.
     shape : an array's shape, or several allowed ones; a string is the size given by the integer
         parameter of that name, None any size.
     finite : False accepts ``inf``.

@@ -44,6 +44,7 @@ from runtime.engine.solvers import (
     judged,
     method_of,
     narrowed,
+    refused,
     substep,
 )
 from runtime.engine.state import Held, RunState
@@ -377,6 +378,7 @@ class Engine:
             "control": control,
             "substep": substep,
             "judged": judged,
+            "refused": refused,
             "unreached": partial(unreached, part, solver.name, control),
         }
 

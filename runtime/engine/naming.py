@@ -24,7 +24,8 @@ DRIVER_NAMES = ("drive", "due", "read", "store")
 CONTINUOUS_NAMES = (
     *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
     *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
-    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
+    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached", "refused"),
+    *("ArithmeticError", "ValueError"),
     *("stop", "origin", "span", "beyond", "narrowed"),
 )
 

@@ -304,6 +304,9 @@ class PythonText:
             self.depth += 1
             self.code(f"h = substep(control, done, {span})")
         self.code("start[:] = states")
+        if method.errors:
+            self.code("try:")
+        self.depth += bool(method.errors)
         self.code(f"for stage in range({method.stages}):  # {part.solver}")
         self.depth += 1
         self.code(f"t = k * {self.dt} + {since}")
@@ -312,6 +315,12 @@ class PythonText:
         self.code(f"blend(states, start, slopes, weights, stage, {h})")
         self.depth -= 1
         if method.errors:
+            self.depth -= 1
+            # A stage beyond where a rate of change is defined: the step is too long.
+            self.code("except (ArithmeticError, ValueError):")
+            self.code(f"{INDENT}if refused(states, start, control, h) < 0.0:")
+            self.code(f"{INDENT * 2}raise")
+            self.code(f"{INDENT}continue")
             self.code(f"done = judged(states, start, slopes, errors, control, done, h, {span})")
             self.code("done >= 0.0 or unreached(done, t)")
         self.operations(part.projections)

@@ -109,7 +109,8 @@ class _Builder:
             for evaluation in entry.evaluations:
                 constant = entry.cls.spec.is_constant(evaluation)
                 # What depends on states alone needs no switch: they hold.
-                varies = bool(evaluation.needs) or evaluation.timed
+                timed = evaluation.timed and not entry.block.recalls
+                varies = bool(evaluation.needs) or timed
                 switches = self.switches.get(name, ()) if varies and not constant else ()
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
                 gate = Gate(entry.every, switches, once=constant)

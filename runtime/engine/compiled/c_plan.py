@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from blocks.core import SignalType
 from runtime.compiler import Kernel, written
 from runtime.engine.compiled.driver import DriverText
-from runtime.engine.compiled.plan_text import RUN, literal
+from runtime.engine.compiled.plan_text import ATTEMPT, HELPERS, RUN, literal
 from runtime.engine.compiled.solver_unit import solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
@@ -91,7 +91,7 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     used = {each for kernel in kernels.values() for each in kernel.prototypes} | printer.own
     prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
     run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
-    made.text = "\n".join([printer.struct.text(), prototypes, run])
+    made.text = "\n".join([printer.struct.text(), prototypes, HELPERS + printer.functions + run])
     return made
 
 
@@ -126,6 +126,7 @@ class EngineText(CText):
         self.calls: list[Call] = []
         self.solver: TranslationUnit | None = None
         self.own: set[str] = set()
+        self.functions = ""
         self.printers |= {
             Record: self.record,
             Stop: self.stop_at_tick,
@@ -263,23 +264,40 @@ class EngineText(CText):
             self.stages(part, method, span, span)
             self.operations(part.projections)
             return
+        self.attempts(part, method)
         self.put("double done = 0.0, h = 0.0;")
         control = self.solvers("control")
+        states, start = self.solvers("states"), self.solvers("start")
         with self.block(f"while (done < {span})"):
             self.put(f"solver_substep(ctx, NULL, {control}, done, {span}, &h);")
-            self.stages(part, method, "h", span)
+            self.put(f"solver_keep(ctx, NULL, {start}, {states});")
+            self.put("const int64_t ended = attempt(plan, ctx, k, done, h);")
+            with self.block("if (ended)"):
+                self.put("double refused = 0.0;")
+                given = f"{states}, {start}, {control}, h, &refused"
+                self.put(f"solver_refused(ctx, NULL, {given});")
+                self.put("if (refused < 0.0) return ended;", "continue;")
             arrays = [self.solvers(each) for each in ("states", "start", "slopes", "errors")]
             given = ", ".join([*arrays, control, "done", "h", span, "&done"])
             self.put(f"solver_judged(ctx, NULL, {given});")
             self.put(f"if (done < 0.0) return {NOT_INTEGRATED};")
             self.operations(part.projections)
 
+    def attempts(self, part: Integrate, method: Method) -> None:
+        """``attempt``, a function that takes one step ``h``, and comes back where a block fails."""
+        before, self.lines, depth, self.depth = self.lines, [], self.depth, 1
+        self.stages(part, method, "h", "")
+        self.functions = ATTEMPT.replace("@dt@", repr(self.plan.dt))
+        self.functions = self.functions.replace("@body@", "\n".join(self.lines))
+        self.lines, self.depth = before, depth
+
     def stages(self, part: Integrate, method: Method, h: str, span: str) -> None:
         """The stages of one step ``h`` of the solver."""
         states, start, slopes, table = map(self.solvers, ("states", "start", "slopes", "table"))
         node = f"{table}[stage * {method.table.shape[1]} + {method.stages}]"
         since = f"(done + {node} * h)" if method.errors else f"{node} * {span}"
-        self.put(f"solver_keep(ctx, NULL, {start}, {states});")
+        if not method.errors:
+            self.put(f"solver_keep(ctx, NULL, {start}, {states});")
         with self.block(f"for (int64_t stage = 0; stage < {method.stages}; stage++)"):
             self.put(f"const double t = (double)k * dt + {since};  /* {part.solver} */", "(void)t;")
             self.operations(part.stage)

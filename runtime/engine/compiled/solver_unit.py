@@ -18,12 +18,15 @@ from runtime.engine.rosenbrock import (
     solve_loops,
 )
 from runtime.engine.solvers import (
+    CONTROLS,
     Method,
+    estimated,
     first_bad,
     judged,
     keep,
     moved,
     narrowed,
+    refused,
     substep,
 )
 from runtime.plan import Integrate
@@ -41,7 +44,7 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
     slopes = Array("float", (method.slope_rows(size), size))
     table = Array("float", method.table.shape)
     rows: list[tuple[str, Type]] = [(name, row) for name in ROWS]
-    errors, control = Array("float", (len(method.errors),)), Array("float", (7,))
+    errors, control = Array("float", (len(method.errors),)), Array("float", (CONTROLS,))
     numbers: list[tuple[str, Type]] = [("done", FLOAT), ("h", FLOAT), ("dt", FLOAT)]
     entries = [
         Entry("solver_keep", "keep", [("start", row), ("states", row)]),
@@ -61,7 +64,9 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         entries.append(Entry("solver_substep", "substep", taken, [FLOAT]))
         given = [*rows, ("slopes", slopes), ("errors", errors), ("control", control), *numbers]
         entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
-        functions += [substep, judged]
+        again: list[tuple[str, Type]] = [*rows, ("control", control), ("h", FLOAT)]
+        entries.append(Entry("solver_refused", "refused", again, [FLOAT]))
+        functions += [substep, estimated, judged, refused]
     if part.stop is not None:  # the run may stop between two ticks
         search: list[tuple[str, Type]] = [("stop", Array("float", (6,))), ("met", BOOL)]
         search += [("span", FLOAT), ("dt", FLOAT)]

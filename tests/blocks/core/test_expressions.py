@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from blocks.core import ExpressionError, expression_function, read_expression
 from blocks.core.expression_reader import MAX_LENGTH
 from blocks.core.scalar_functions import FUNCTIONS, SCOPE, VECTORS, ceil, floor, modulo, nearest
+from tests.examples import examples
 
 NAMES = {"u": ["u[0]", "u[1]", "u[2]"], "t": "t", "a": "c[0]", "pose.x": "p[0]"}
 NUMBERS = st.floats(-1e6, 1e6)
@@ -170,7 +171,7 @@ WORDS += ["1e9", ":", "lambda", "__class__", "__import__", "'os'", " for ", " in
 WORDS += [*FUNCTIONS, *VECTORS]
 
 
-@settings(max_examples=400, deadline=None)
+@examples(400)
 @given(st.lists(st.sampled_from(WORDS), max_size=25).map("".join) | st.text(max_size=60))
 def test_any_text_is_a_number_or_an_expression_error(text: str) -> None:
     try:
@@ -194,7 +195,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(TREES, st.floats(-10, 10), st.floats(-10, 10))
 def test_values_are_those_of_python(text: str, x: float, y: float) -> None:
     f = expression_function(text, {"x": None, "y": None})

@@ -256,6 +256,7 @@ def test_ctrl_c_keeps_what_was_recorded(cli: Run, small: Path, tmp_path: Path) -
     assert np.array_equal(result["plant.pose"], whole["plant.pose"][:rows])
 
 
+@pytest.mark.slow
 def test_a_bar_with_time_left_on_a_terminal_only(terminal: Callable[..., bytes]) -> None:
     seen = terminal("run", "line_actuator_failure", "--no-plots", "--until", "3")
     assert b"s left" in seen
@@ -301,6 +302,7 @@ def test_import_and_help_stay_light() -> None:
         *(pytest.param(closed, marks=pytest.mark.slow) for closed in ("<&-", ">&-", "2>&-")),
     ],
 )
+@pytest.mark.slow
 def test_closed_streams_lose_nothing(script: Path, tmp_path: Path, closed: str) -> None:
     for _ in range(2):  # the second names what the first would have left behind
         command = f"'{script}' run line_actuator_failure --until 0.05 --no-plots {closed}"

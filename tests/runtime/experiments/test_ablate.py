@@ -186,6 +186,7 @@ def test_each_block_of_case_a() -> None:
     assert not [variant for variant in less if "adaptive" in variant.name]
 
 
+@pytest.mark.slow
 def test_variants_see_the_same_noise_and_neurons(here: Run, tmp_path: Path) -> None:
     case = ("ablate", "sine_estimation_error", "--until", "0.2", "--seeds", "1,4", "-j", "2")
     done = here(*case, "--without", "adaptive.snn_v", "--bypass", "limit", "--json")

@@ -336,6 +336,7 @@ class TestSaved:
 
 
 class TestAnimation:
+    @pytest.mark.slow
     def test_is_a_gif_that_moves(
         self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

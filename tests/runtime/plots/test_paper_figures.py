@@ -143,6 +143,7 @@ def test_a_figure_fits_a_column_and_nothing_is_cut(look: str, kind: str) -> None
         assert inside.contains(box.x1, box.y1)
 
 
+@pytest.mark.slow
 def test_every_format_is_written_and_the_same_run_gives_the_same_file(tmp_path: Path) -> None:
     result = graph(p={"kind": "timeseries", "of": "turn"}).run()
     paths = save_plots(result, tmp_path / "a", formats=("png", "pdf", "svg"))

@@ -101,6 +101,7 @@ def test_states_that_do_not_exist_and_graphs_without_any() -> None:
         runtime.load("line_actuator_failure").linearize([], [])
 
 
+@pytest.mark.slow
 def test_the_command(cli: Run, tmp_path: Path) -> None:
     (tmp_path / "g.yaml").write_text(graph_of(OSCILLATOR).to_yaml(), encoding="utf-8")
     line = ["linearize", "g.yaml", "--inputs", "spring.input", "--outputs", "position.out"]
