@@ -5,7 +5,6 @@ from blocks.core.block import (
     Block,
     BlockContext,
     BlockState,
-    DeclarationError,
     Evaluation,
     Input,
     Output,
@@ -46,6 +45,7 @@ from blocks.core.matrices import (
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
+    DeclarationError,
     Param,
     ParameterError,
     as_matrix,
@@ -57,7 +57,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import RESERVED, modulo, nearest, wrap
+from blocks.core.scalar_functions import misnamed, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -86,7 +86,6 @@ from blocks.core.variants import Variant
 
 __all__ = [
     "REQUIRED",
-    "RESERVED",
     "TYPES",
     "Block",
     "BlockContext",
@@ -147,6 +146,7 @@ __all__ = [
     "kernel_of",
     "kron",
     "maybe_degrees",
+    "misnamed",
     "modulo",
     "nearest",
     "param",

@@ -58,7 +58,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
+from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
 from blocks.core.params import ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
@@ -70,7 +70,6 @@ __all__ = [
     "BlockContext",
     "BlockSpec",
     "BlockState",
-    "DeclarationError",
     "Evaluation",
     "Input",
     "Output",
@@ -102,6 +101,23 @@ class BlockContext:
     published: Mapping[str, Block] = field(default_factory=dict)
     until: float | None = None
     moving: tuple[str, ...] = ()
+
+    def count(self, port: str) -> int:
+        """The number of terms of a variadic input whose terms are told apart by their places.
+
+        Raises
+        ------
+        ParameterError : one is not connected, which would shift those after it.
+        """
+        flags = self.terms[port]
+        if not all(flags):
+            place = f"{port}[{flags.index(False)}]"
+            message = f"the block that was wired to {place} is removed, which would shift the "
+            message += (
+                "components after it; wire another signal there, or remove this block as well"
+            )
+            raise ParameterError([(port, message)])
+        return len(flags)
 
 
 class BlockState:
@@ -172,7 +188,7 @@ class Block:
             written = f"{type(self).__name__}({name}={value!r})"
             text = f"parameters are given by name, as in {written}" if name else "has no parameter"
             problems.append((name or "value", text))
-        # All at once, the unknown ones included: a user mends a graph in one go.
+        # All at once, the unknown ones included: a user then corrects a graph in one go.
         problems += [
             (name, f"unknown parameter{hint(name, known) or alternatives(known)}")
             for name in sorted(values.keys() - known.keys())

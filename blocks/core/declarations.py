@@ -14,10 +14,6 @@ from blocks.core.params import Param
 from blocks.core.signals import PortType, Same, SignalType
 
 
-class DeclarationError(TypeError):
-    """A block class is inconsistent; the message names the class and what to change."""
-
-
 @dataclass(frozen=True)
 class Input:
     """An input port.

@@ -7,7 +7,8 @@ types, so that both engines compute the same bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from keyword import iskeyword
 from typing import Any
 
 import numpy as np
@@ -239,10 +240,32 @@ _HELPERS: tuple[Callable[..., float], ...] = (
     *(real_acos, real_acosh, real_atanh, real_sin, real_cos, real_tan, real_sinh, real_cosh),
     *(real_expm1, real_gamma, real_lgamma, real_pow),
 )
-# Names that mean something in every expression.
-RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, *VECTORS])
 SCOPE: Mapping[str, Any] = {
     "math": math,
     "np": np,
     **{helper.__name__: helper for helper in _HELPERS},
 }
+
+
+def misnamed(
+    names: Iterable[str], variables: Mapping[str, str], others: Iterable[str] = ()
+) -> Iterator[tuple[str, str]]:
+    """Names that a block cannot add to its expressions, each with the reason.
+
+    Parameters
+    ----------
+    variables : names that its expressions have, with what they are: {"u": "the inputs"}.
+    others : names that were added before.
+    """
+    seen = set(others)
+    meanings = {name: f"the number {value:.4g}" for name, value in CONSTANTS.items()}
+    meanings |= dict.fromkeys([*FUNCTIONS, *VECTORS], "a function")
+    meanings |= {"t": "the time", **variables}
+    for name in names:
+        if not (name.isidentifier() and name.isascii()) or iskeyword(name):
+            yield name, f"'{name}' is not a valid name; use letters, digits and _"
+        elif name in meanings:
+            yield name, f"'{name}' is {meanings[name]} in every expression; choose another name"
+        elif name in seen:
+            yield name, f"the name '{name}' is given twice"
+        seen.add(name)

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from blocks.core import (
-    RESERVED,
-    BlockContext,
     Expression,
     ExpressionError,
     ParameterError,
     function_from,
     function_text,
+    misnamed,
     read_expression,
 )
 
@@ -40,13 +39,10 @@ class Equations:
         if self.states and len(self.states) != self.count:
             message = f"expected {self.count} name(s), one per state, got {len(self.states)}"
             problems.append(("states", message))
-        names = [*self.states, *self.constants]
-        for name in names:
-            bad = not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u"}
-            if bad or names.count(name) > 1:
-                place = "states" if name in self.states else "constants"
-                problems.append((place, f"the name '{name}' is not valid, taken, or given twice"))
-        return problems
+        variables = {"u": "the inputs"}
+        problems += [("states", text) for _, text in misnamed(self.states, variables)]
+        constants = misnamed(self.constants, variables, self.states)
+        return [*problems, *(("constants", text) for _, text in constants)]
 
     def read(self, parameter: str, text: str, inputs: int) -> Expression:
         """One expression of a parameter, with so many components in u.
@@ -92,17 +88,3 @@ class Equations:
             inputs = 1 + max(used, default=0)
         for parameter, text in written:
             self.read(parameter, text, inputs)
-
-
-def input_count(context: BlockContext) -> int:
-    """How many components are wired to ``u``.
-
-    Raises
-    ------
-    ParameterError : one was removed.
-    """
-    flags = context.terms["u"]
-    if not all(flags):
-        message = "a block that is wired to u is removed, which would shift its components"
-        raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
-    return len(flags)

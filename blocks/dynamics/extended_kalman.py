@@ -31,7 +31,7 @@ from blocks.core import (
     param,
     size_of,
 )
-from blocks.dynamics.equations import Equations, input_count
+from blocks.dynamics.equations import Equations
 from blocks.dynamics.kalman import (
     corrected_covariance,
     covariance_problems,
@@ -150,7 +150,7 @@ class ExtendedKalmanFilter(Block):
         return {"Y": Scalar if self.measured == 1 else Vector(self.measured)}
 
     def validate_in(self, context: BlockContext) -> None:
-        self.equations.check(self.written, input_count(context))
+        self.equations.check(self.written, context.count("u"))
 
     def start(self, state: BlockState) -> None:
         n, p, equations = self.x0.size, self.measured, self.equations

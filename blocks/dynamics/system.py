@@ -26,7 +26,7 @@ from blocks.core import (
     function_text,
     param,
 )
-from blocks.dynamics.equations import PARAMETERS, Equations, input_count
+from blocks.dynamics.equations import PARAMETERS, Equations
 
 
 class _System(Block, ABC):
@@ -86,7 +86,7 @@ class _System(Block, ABC):
         self.equations.check(self.written)
 
     def validate_in(self, context: BlockContext) -> None:
-        self.equations.check(self.written, input_count(context))
+        self.equations.check(self.written, context.count("u"))
 
     @property
     def equations(self) -> Equations:
@@ -201,7 +201,7 @@ class DynamicSystem(_System):
         return bool(state.condition(t, state.x.tolist(), u, state.constants) != 0.0)
 
     def couplings(self, context: BlockContext) -> list[set[int]]:
-        count = input_count(context)
+        count = context.count("u")
         read = [self.equations.read("derivative", text, count) for text in self.rates]
         # Names of states and indices are x[0], x[1], ... in the Python text, sums are written out.
         return [set(map(int, re.findall(r"\bx\[(\d+)\]", each.python))) for each in read]

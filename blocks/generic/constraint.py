@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from blocks.core import (
-    RESERVED,
     Block,
     BlockContext,
     BlockState,
@@ -20,6 +19,7 @@ from blocks.core import (
     Scalar,
     function_from,
     function_text,
+    misnamed,
     param,
     read_expression,
 )
@@ -59,18 +59,15 @@ class AlgebraicConstraint(Block):
         if not self.low < self.high:
             message = f"expected more than low = {self.low:g}, got {self.high:g}"
             raise ParameterError([("high", message)])
-        for name in self.constants or {}:
-            if not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u", "z"}:
-                raise ParameterError([("constants", f"the name '{name}' is not valid, or taken")])
+        variables = {"u": "the inputs", "z": "the output"}
+        problems = [("constants", text) for _, text in misnamed(self.constants or (), variables)]
+        if problems:
+            raise ParameterError(problems)
         used = [int(n) for n in _INDEX.findall(self.expression)]
         self.read(1 + max(used, default=0))
 
     def validate_in(self, context: BlockContext) -> None:
-        flags = context.terms["u"]
-        if not all(flags):
-            message = "a block that is wired to u is removed, which would shift its components"
-            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
-        self.read(len(flags))
+        self.read(context.count("u"))
 
     def read(self, count: int) -> Expression:
         """The expression, with so many components in u.

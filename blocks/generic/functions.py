@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
 from blocks.core import (
-    RESERVED,
     Block,
     BlockContext,
     BlockState,
@@ -23,12 +22,13 @@ from blocks.core import (
     Vector,
     function_from,
     function_text,
+    misnamed,
     param,
     read_expression,
 )
 
 PARAMETERS = ("t", "u", "c")
-TAKEN = RESERVED | {"t", "u"}
+VARIABLES = {"u": "the inputs"}
 
 
 class Function(Block):
@@ -69,8 +69,9 @@ class Function(Block):
 
     def validate(self) -> None:
         names = self.names or ()
-        problems = [("names", text) for text in _misnamed(names, ())]
-        problems += [("constants", text) for text in _misnamed(self.constants or (), names)]
+        problems = [("names", text) for _, text in misnamed(names, VARIABLES)]
+        constants = misnamed(self.constants or (), VARIABLES, names)
+        problems += [("constants", text) for _, text in constants]
         if self.resolved.symbol or _size(self.resolved) != len(self.expression):
             message = f"expected a type of {len(self.expression)} components, one per expression, "
             problems.append(("signal", message + f"got {self.kind}"))
@@ -98,14 +99,11 @@ class Function(Block):
         return {"T": self.resolved}
 
     def validate_in(self, context: BlockContext) -> None:
-        flags = context.terms["u"]
-        if not all(flags):
-            message = "a block that is wired to u is removed, which would shift its components"
-            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
-        if self.names is not None and len(self.names) != len(flags):
-            message = f"expected {len(flags)} names, one for each component of u, got "
+        count = context.count("u")
+        if self.names is not None and len(self.names) != count:
+            message = f"expected {count} names, one for each component of u, got "
             raise ParameterError([("names", message + str(len(self.names)))])
-        self.read(len(flags))
+        self.read(count)
 
     def read(self, count: int, connected: tuple[int, ...] | None = None) -> list[Expression]:
         """The expressions, with ``count`` components in u, those not ``connected`` being zero.
@@ -143,18 +141,6 @@ class Function(Block):
 
 
 _BRACKETED = re.compile(r"\[[^\]]*?(\d{1,3})\s*\]")
-
-
-def _misnamed(names: Any, others: tuple[str, ...]) -> Iterator[str]:
-    seen = set(others)
-    for name in names:
-        if not name.isidentifier() or not name.isascii():
-            yield f"'{name}' is not a valid name; use letters, digits and _"
-        elif name in TAKEN:
-            yield f"the name '{name}' is taken; choose another"
-        elif name in seen:
-            yield f"the name '{name}' is given twice"
-        seen.add(name)
 
 
 def _size(kind: SignalType) -> int:

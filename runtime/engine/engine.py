@@ -17,6 +17,7 @@ from blocks.core import FloatArray, ParameterError
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
+from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
 from runtime.engine.program import Program
@@ -274,6 +275,7 @@ class Engine:
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
+        self.namespace |= loop_names(self.plan, self.state.arrays)
         if self.program.observation.stop is not None:
             self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
         names = self.program.names

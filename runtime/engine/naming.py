@@ -53,6 +53,10 @@ def names_of(plan: Plan) -> Names:
     if plan.integration is not None or plan.can_stop:
         taken |= set(CONTINUOUS_NAMES)
 
+    for loop in plan.loops:
+        own = ("loop_{}", "loop_{}_control", "unsolved_{}")
+        taken |= {"going", "begun", "newton", *(each.format(loop.number) for each in own)}
+
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")
         while plain in taken or plain.startswith(("probe_", "stack_")):

@@ -12,7 +12,7 @@ from runtime.engine.engine import Engine
 from runtime.engine.program import FILENAME, Program
 from runtime.engine.python_text import PythonText
 from runtime.network import Endpoint
-from runtime.plan import Argument, Call, Integrate, Port, Signal, Source, Test, Zero
+from runtime.plan import Argument, Call, Integrate, Port, Signal, Solve, Source, Test, Zero
 
 # Derivatives of all continuous states and the outputs, of offsets of the inputs.
 Flow = Callable[[Sequence[float]], tuple[list[float], list[float]]]
@@ -47,7 +47,7 @@ class PointText(PythonText):
         outputs = [
             each
             for each in self.plan.operations
-            if isinstance(each, (Call, Test, Zero)) and each.outputs
+            if isinstance(each, (Call, Solve, Test, Zero)) and each.outputs
         ]
         derivatives = [
             each for each in part.stage if isinstance(each, (Call, Zero)) and not each.outputs
@@ -63,7 +63,8 @@ class PointText(PythonText):
         if held:
             self.line(2, f"nonlocal {held}")
         self.code("stage = 0")
-        self.operations([each for each in outputs if each.block in moving])
+        again = [each for each in outputs if each.block in moving or isinstance(each, Solve)]
+        self.operations(again)
         self.operations(derivatives)
         self.code("seen = []")
         for source in watched:

@@ -2,7 +2,7 @@
 
 In go a checked network and what is observed; out come the plan, its names and its text as Python's
 bytecode, each made when it is first asked for. ``program.source()`` is the function that
-``runtime explain`` shows.
+``runtime explain --code`` shows.
 """
 
 from __future__ import annotations

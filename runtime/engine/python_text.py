@@ -28,6 +28,7 @@ from runtime.plan import (
     Restore,
     Signal,
     Slot,
+    Solve,
     Source,
     Step,
     Stop,
@@ -70,6 +71,7 @@ class PythonText:
         self.between_ticks = False
         self.printers: dict[type[Any], Callable[[Any], None]] = {
             Call: self.call,
+            Solve: self.solve,
             Test: self.test,
             Zero: self.zero,
             Restore: self.restore,
@@ -225,6 +227,30 @@ class PythonText:
         values = {self.names.of(signal): signal.kind for signal in test.outputs}
         given = ", ".join([repr(test.block), repr(test.method), *values])
         self.code(f"{finite_test(values)} or not_finite({given})", test.block)
+
+    def solve(self, solve: Solve) -> None:
+        """Try values of the unknowns, until the calls compute the same."""
+        memory = f"loop_{solve.number}"
+        control = f"{memory}_control"
+        self.code(f"going = begun({memory}, {control})")
+        self.code("while going > 0.0:")
+        self.depth += 1
+        for signal, start, stop in solve.slots:
+            name, values = self.names.of(signal), f"{memory}[0, {start}:{stop}]"
+            forms = {
+                "scalar": f"{memory}.item(0, {start})",
+                "record": f"tuple({values}.tolist())",
+                "array": f"sealed({values}.reshape({signal.kind.shape!r}).copy())",
+            }
+            self.code(f"{name} = {forms[signal.kind.form]}")
+        for call in solve.calls:
+            self.call(call)
+        for signal, start, stop in solve.slots:
+            flat = ".ravel()" if signal.kind.form == "array" else ""
+            self.code(f"{memory}[1, {start}:{stop}] = {self.names.of(signal)}{flat}")
+        self.code(f"going = newton({memory}, {control})")
+        self.depth -= 1
+        self.code(f"going == 0.0 or unsolved_{solve.number}(going, t)")
 
     # States and recordings
 

@@ -123,6 +123,7 @@ class Network:
     signal_types : those that the graph's own blocks define, by name.
     notes : what looks wrong but can run.
     time_unit : what dt, until and all times of its blocks are in.
+    loops : whether an algebraic loop is an "error", or the run has to "solve" it.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -145,6 +146,7 @@ class Network:
     document: Node
     states: str = "small"
     time_unit: str = SECOND
+    loops: str = "error"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)

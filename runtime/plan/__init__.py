@@ -12,28 +12,24 @@ from runtime.plan.c_text import CText, numbers_in
 from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
     ALWAYS,
-    Argument,
     Call,
     Gate,
     Integrate,
     Load,
     Operation,
     Plan,
-    Port,
     Record,
     Restore,
-    Row,
-    Signal,
-    Slot,
-    Source,
-    StateArray,
+    Solve,
     Stop,
     Store,
     Test,
     Zero,
+    calls_in,
 )
 from runtime.plan.passes import exchanged, signals_of
 from runtime.plan.stacking import Stack, Stacking, Step
+from runtime.plan.values import Argument, Port, Row, Signal, Slot, Source, StateArray
 
 __all__ = [
     "ALWAYS",
@@ -51,6 +47,7 @@ __all__ = [
     "Row",
     "Signal",
     "Slot",
+    "Solve",
     "Source",
     "Stack",
     "Stacking",
@@ -60,6 +57,7 @@ __all__ = [
     "Store",
     "Test",
     "Zero",
+    "calls_in",
     "continuous_row",
     "exchanged",
     "make_plan",

@@ -22,7 +22,8 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
-from runtime.plan.operations import Call, Gate, Operation, Plan, Port, Signal, Test, Zero
+from runtime.plan.operations import Call, Gate, Operation, Plan, Test, Zero
+from runtime.plan.values import Port, Signal
 
 
 @dataclass(frozen=True)

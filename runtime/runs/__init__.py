@@ -10,34 +10,43 @@ In: a :class:`PreparedRun`. Out: a :class:`Result` in memory, and a folder of fi
 of a run folder, ``draft`` creates run folders in one step and recovers those of killed runs.
 """
 
-from runtime.runs.commit import git_commit
-from runtime.runs.draft import (
-    Draft,
-    leftovers,
-    link_latest,
-    new_folder,
-    recover,
-    remove,
-    save,
-    save_elsewhere,
-)
-from runtime.runs.folder import (
-    DIAGRAM,
-    MANIFEST,
-    METRICS,
-    PROBES,
-    RESOLVED,
-    WRITTEN,
-    contents,
-    portable,
-    read_run,
-    run_folder,
-)
-from runtime.runs.linearization import Linearization, linearize
-from runtime.runs.notebook import Figures
-from runtime.runs.result import Result, open_run
-from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
-from runtime.runs.tables import dataframe
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.runs.commit import git_commit
+    from runtime.runs.draft import (
+        Draft,
+        leftovers,
+        link_latest,
+        new_folder,
+        recover,
+        remove,
+        save,
+        save_elsewhere,
+    )
+    from runtime.runs.folder import (
+        DIAGRAM,
+        MANIFEST,
+        METRICS,
+        PROBES,
+        RESOLVED,
+        WRITTEN,
+        contents,
+        portable,
+        read_run,
+        run_folder,
+    )
+    from runtime.runs.linearization import Linearization, linearize
+    from runtime.runs.notebook import Figures
+    from runtime.runs.result import Result, open_run
+    from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+    from runtime.runs.tables import dataframe
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "DIAGRAM",

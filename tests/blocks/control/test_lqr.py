@@ -379,7 +379,7 @@ def test_weights_that_see_a_direction_are_solved_anew(
         ({"r": [[0.1, 0.3], [0.3, 0.9]]}, "LQR.r: a weight must be positive definite"),
         ({"q": [1, 1]}, "LQR.q: expected an array of 3 or 3x3 numbers"),
         ({"r": [[1, 0, 0], [0, 1, 0]]}, "LQR.r: expected an array of 2 or 2x2 numbers"),
-        ({"model": "euler"}, "LQR.model: expected one of paper, exact, got the text 'euler'"),
+        ({"model": "euler"}, "LQR.model: expected one of paper, exact, got the string 'euler'"),
     ],
 )
 def test_bad_parameters(parameters: dict[str, Any], message: str) -> None:

@@ -274,7 +274,10 @@ def test_curvature_is_zero_where_the_curve_stands() -> None:
         (lambda: blocks.SinePath(x_start=3, x_end=2), "x_end: must lie beyond x_start = 3 m"),
         (lambda: blocks.SinePath(wavelength=0), "wavelength: expected a number above 0 m, got 0"),
         (lambda: blocks.CirclePath(radius=-1), "radius: expected a number above 0 m, got -1"),
-        (lambda: blocks.CirclePath(center=[1, 2, 3]), "center: expected an array of 2 numbers m"),
+        (
+            lambda: blocks.CirclePath(center=[1, 2, 3]),
+            "center: expected an array of 2 numbers in m",
+        ),
         (lambda: blocks.WaypointPath(), "points: missing; expected an array of nx2 numbers"),
         (lambda: blocks.WaypointPath(points=[[0, 0, 0]]), "points: expected an array of nx2"),
         (lambda: blocks.WaypointPath(points=HILL[:3]), "points: a spline of degree 3 needs at lea"),

@@ -171,7 +171,7 @@ def test_bad_parameters() -> None:
     with pytest.raises(blocks.ParameterError) as caught:
         blocks.DifferentialDrive(x0=[0, 0], wheel_base=0)
     assert str(caught.value) == ("DifferentialDrive.wheel_base: expected a number above 0 m, got 0")
-    with pytest.raises(blocks.ParameterError, match="x0: expected an array of 3 numbers m, m"):
+    with pytest.raises(blocks.ParameterError, match="x0: expected an array of 3 numbers in m, m"):
         blocks.DifferentialDrive(x0=[0, 0])
     with pytest.raises(blocks.ParameterError, match="integrator: expected one of euler, rk4, exac"):
         blocks.DifferentialDrive(integrator="rk45")

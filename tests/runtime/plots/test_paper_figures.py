@@ -181,6 +181,13 @@ def test_two_runs_share_a_figure(cli: Run, tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / plots).iterdir()} == {"way.png", "errors.png", "turn.png"}
 
 
+def test_what_a_change_drops_is_told(cli: Run) -> None:
+    change = ("--vs", "replace=lqr=PathPID")
+    done = cli("run", "starters/adaptive", "--until", "0.1", *change, "--no-plots")
+    assert done.returncode == 0, done.stderr
+    assert "note: replace=lqr=PathPID: 'lqr' is now a PathPID, which has no " in done.stderr
+
+
 def test_two_runs_have_the_names_that_are_given(cli: Run, tmp_path: Path) -> None:
     named = ("--vs", "without=adaptive", "--labels", "with SNN, LQR alone", "--figures", "svg")
     done = cli("run", "starters/adaptive", "--until", "0.2", *named)
