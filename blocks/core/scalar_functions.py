@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from blocks.core.matrices import determinant, small_product, solution
+
 # From here on all floats are integers.
 INTEGERS = 2.0**52
 # The largest arguments at which exp, sinh, gamma and lgamma are finite.
@@ -221,8 +223,6 @@ FUNCTIONS: Mapping[str, tuple[str, int | None]] = {
     **{"min": ("lesser", None), "max": ("greater", None)},
 }
 CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
-# Functions of all components of a vector.
-VECTORS = ("sum", "mean", "norm", "min", "max")
 ALIASES = {
     **{"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "ln": "log"},
     **{
@@ -240,10 +240,15 @@ _HELPERS: tuple[Callable[..., float], ...] = (
     *(real_acos, real_acosh, real_atanh, real_sin, real_cos, real_tan, real_sinh, real_cosh),
     *(real_expm1, real_gamma, real_lgamma, real_pow),
 )
+<<<<<<< HEAD
+# Names that mean something in every expression.
+RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, "sum", "mean", "norm"])
+=======
+>>>>>>> main
 SCOPE: Mapping[str, Any] = {
     "math": math,
     "np": np,
-    **{helper.__name__: helper for helper in _HELPERS},
+    **{helper.__name__: helper for helper in (*_HELPERS, determinant, small_product, solution)},
 }
 
 
