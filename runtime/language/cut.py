@@ -29,7 +29,8 @@ _BARE = re.compile(r"\w+: *(#.*)?")
 _FIRST = re.compile(r"^( +)[A-Za-z_]", re.MULTILINE)
 # Entries that read other files, and what changes the meaning of lines.
 _ELSEWHERE = re.compile(r"\b(?:module|graph|part|file|repeat|share|blocks)\s*:")
-_ODD = re.compile(r"[\r\t\x85\u2028\u2029\ufeff&]|^(?:---|\.\.\.|%)| !|<<:", re.MULTILINE)
+# Searched one by one, which is many times as fast as a pattern of all.
+_ODD = ("\r", "\t", "\x85", "\u2028", "\u2029", "\ufeff", "&", " !", "<<:", "\n---", "\n...", "\n%")
 _PARAM = re.compile(r"(?:: +|\[ *|, *)\$([A-Za-z_]\w*) *(?=[,\]}]|$)")
 
 
@@ -184,7 +185,11 @@ def cut(source: str) -> Cut | None:
     """The pieces of a text; None if it is to be read as a whole."""
     lines = list(_TOP.finditer(source))
     names = [line[0].partition(":")[0] for line in lines]
-    if _ODD.search(source) or len({*names}) < len(names) or not {"graph", "run"} & {*names}:
+    if (
+        any(each in source for each in _ODD)
+        or len({*names}) < len(names)
+        or not {"graph", "run"} & {*names}
+    ):
         return None
     if not {*CUT[:1]} <= {*names} <= {*SECTIONS} - {*WHOLE} or lines[0].start() > 0:
         return None
@@ -202,11 +207,14 @@ def cut(source: str) -> Cut | None:
         first = _FIRST.search(source, line.end(), end)
         if first is None or not _BARE.fullmatch(line[0]):
             return None
-        entry = re.compile(rf"^ {{{len(first[1])}}}[A-Za-z_]", re.MULTILINE)
-        begins = tuple(m.start() for m in entry.finditer(source, line.end(), end))
-        texts = [source[a:b] for a, b in zip(begins, (*begins[1:], end), strict=True)]
-        chunks = {text.partition(":")[0].strip(): text for text in texts}
-        if len(chunks) < len(texts):
+        entry = re.compile(rf"^ {{{len(first[1])}}}([A-Za-z_]\w*) *:", re.MULTILINE)
+        found = [(m.start(), m[1]) for m in entry.finditer(source, line.end(), end)]
+        begins = tuple(begin for begin, _ in found)
+        chunks = {
+            key: source[begin:stop]
+            for (begin, key), stop in zip(found, (*begins[1:], end), strict=True)
+        }
+        if not 0 < len(chunks) == len(found):
             return None
         regions.append(Region(name, line.start(), line[0], end, begins, chunks))
     return Cut(source, tuple(regions))

@@ -34,7 +34,7 @@ class Version:
 
 
 def agrees(now: Cut, examination: Examination, document: Node) -> bool:
-    """Whether the pieces of a text are the entries of its graph, which is complete without files."""
+    """Whether the pieces of a text are the entries of its graph, which no other file completes."""
     network = examination.network
     if network is None or network.scope.parts or now.reads_files(now.keys("blocks")):
         return False

@@ -356,7 +356,8 @@ class _Inference:
         else:
             # The wire to a part ends at the part, which is no block.
             entries = map(self.network.entries.get, (wire.source.block, wire.block))
-            message += "".join(entry.block.instead(target) for entry in entries if entry)
+            if not target.symbol:  # a length that is open may be the right one
+                message += "".join(entry.block.instead(target) for entry in entries if entry)
             message += "" if because else self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
 

@@ -243,6 +243,30 @@ class Network:
                 waiting += readers.get(port_now, ())
         return frozenset(result)
 
+    def is_moving(self, port: Port) -> bool:
+        """Whether an output may change between two ticks; looked for alone after an edit."""
+        if "moving" in self.__dict__ or "into" not in self.__dict__:
+            return port in self.moving
+        seen, waiting = {port}, [port]
+        while waiting:
+            name, output = waiting.pop()
+            entry = self.entries[name]
+            spec = entry.cls.spec
+            if entry.block_or_none is None or not (spec.continuous or entry.is_memoryless):
+                continue
+            for call in entry.evaluations:
+                if output not in call.outputs or spec.is_constant(call):
+                    continue
+                if spec.continuous or call.timed:
+                    return True
+                sources = [(name, need) for need in call.needs if need in spec.outputs]
+                for wire in self.into.get(name, ()):
+                    if wire.port in call.needs:
+                        sources.append((wire.source.block, wire.source.port))
+                waiting += [source for source in sources if source not in seen]
+                seen.update(sources)
+        return False
+
     def _spread(self, wire: Wire) -> list[Wire]:
         kind = self.types.get((wire.source.block, wire.source.port))
         if kind is None:
@@ -290,7 +314,7 @@ class Network:
         recalled = () if entry.block_or_none is None or entry.sampled else entry.block.recalls
         into = self.into.get(entry.name, ()) if recalled else ()
         sources = [(w.port, (w.source.block, w.source.port)) for w in into if w.port in recalled]
-        return tuple(dict.fromkeys(port for port, source in sources if source in self.moving))
+        return tuple(dict.fromkeys(port for port, source in sources if self.is_moving(source)))
 
     def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:
         """Whether each term of a variadic input is connected."""

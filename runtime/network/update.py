@@ -16,8 +16,9 @@ port whose type is declared.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain
 from typing import TypeVar
 
@@ -28,6 +29,7 @@ from runtime.network.build import BlockCache, construct_blocks, judge
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types
 from runtime.network.network import Network, NetworkEntry, Port, Wire
+from runtime.network.open_inputs import report_open_inputs
 from runtime.network.scope import Scope
 from runtime.network.wiring import Wiring
 
@@ -74,17 +76,25 @@ def update(
     if wrong or scope.parts or before.signal_types or any(map(document.get, ELSEWHERE)):
         return None
     network, wiring = _wired(before, edit, scope, document, problems, block_cache)
-    network = network.changed(only=tuple(name for name in edit.blocks if name in edit.near))
-    beside = {name for wire in _touching(network, edit.near) for name in _ends(wire)} - edit.near
+    judged = (name for name in edit.blocks if name in edit.near and name in network.entries)
+    network = network.changed(only=tuple(judged))
+    # Also those whose wire is gone: the type may have come along it.
+    around = (*_touching(network, edit.near), *_touching(before, edit.near))
+    beside = {name for wire in around for name in _ends(wire)} & network.entries.keys() - edit.near
     lost = _Search(network).without_types(beside)
     if lost is None:
         return None
     inferred = _inferred(before, network, edit.near, beside, lost, problems)
     if inferred is None:
         return None
+    if lost and not problems.items:
+        # Blocks further away have no type, which is a problem of each unless there are others.
+        report_open_inputs(inferred, wiring, problems)
+        if not problems.items:
+            return None
+        problems.items.clear()
     network, extra = judge(inferred, wiring, problems, can_run=True)
-    # Blocks further away have lost their types, or get a unit: what is wrong there is not known.
-    if not problems.items and (lost or _changes_units(before, network, edit)):
+    if not problems.items and _changes_units(before, network, edit):
         return None
     kept = [note for note in before.notes if _owner(note) not in {*edit.near, ""}]
     notes = sorted([*kept, *network.notes], key=_order(edit)) if kept else network.notes
@@ -103,6 +113,13 @@ def _in_order(
     names: Sequence[str], near: frozenset[str], new: Mapping[str, Value], old: Mapping[str, Value]
 ) -> dict[str, Value]:
     """Entries in the order of the file: new ones of the names near the edit, old ones of others."""
+    if new.keys() <= old.keys() and len(old) - len(near & old.keys() - new.keys()) == len(names):
+        # Nothing came or moved, as in most edits: a copy is faster than a search for each name.
+        result = {**old, **new}
+        for name in near & old.keys() - new.keys():
+            del result[name]
+        if list(result) == list(names):
+            return result
     pairs = ((name, (new if name in near else old).get(name)) for name in names)
     return {name: value for name, value in pairs if value is not None}
 
@@ -149,10 +166,12 @@ def _inferred(
     """The network with types; None if those of blocks further away depend on the edit."""
     count, wires = len(problems.items), _touching(network, near)
     again = near | lost
-    network = network.changed(
-        types={port: kind for port, kind in before.types.items() if port[0] not in again},
-        lengths={name: each for name, each in before.lengths.items() if name not in again},
-    )
+    all_types, all_lengths = dict(before.types), dict(before.lengths)
+    for name in again & before.entries.keys():
+        all_lengths.pop(name, None)
+        for port in before.entries[name].cls.spec.ports:
+            all_types.pop((name, port), None)
+    network = network.changed(types=all_types, lengths=all_lengths)
     opened = [name for name in (*near, *lost) if name in network.entries]
     types, lengths = infer_types(network, problems, wires, opened, beside - lost)
     search = _Search(network)
@@ -160,8 +179,8 @@ def _inferred(
     # Which of the wires to a port without a declared type is the wrong one, all of them decide.
     if any(wire.address in wrong and any(search.open_ends(wire)) for wire in wires):
         return None
-    both = {**network.types, **types}, {**network.lengths, **lengths}
-    network = network.changed(types=both[0], lengths=both[1])
+    all_types |= types
+    all_lengths |= lengths
     border = {wire.source.block for wire in wires if wire.block not in near}
     for name in border - lost:
         if name in before.entries and network.is_typed(name) != before.is_typed(name) and lost:
@@ -179,7 +198,9 @@ class _Search:
 
     def __init__(self, network: Network) -> None:
         self.network = network
+        # By block object, since equal blocks of a graph are one object; all of them exist meanwhile.
         self.opened: dict[tuple[int, str], str] = {}
+        self.known: dict[int, frozenset[str]] = {}
 
     def symbol(self, entry: NetworkEntry | None, port: str) -> str:
         """The type variable or length that a port's type depends on; '' if it is declared."""
@@ -207,49 +228,63 @@ class _Search:
 
         None if that cannot be told: a block depends on several types, a wire is a component's.
         """
-        entries, fine, lost = self.network.entries, set[str](), set[str]()
-        readers: dict[str, list[Wire]] | None = None
+        fine, lost = set[str](), set[str]()
         for name in names:
             if name in fine or name in lost or not self.symbols(name):
                 continue
-            if readers is None:
-                readers = {}
-                for wire in self.network.wires:
-                    readers.setdefault(wire.source.block, []).append(wire)
-            group, waiting, is_fine, doubtful = {name}, [name], False, False
-            while waiting and not is_fine:
-                block = waiting.pop()
-                if len(self.symbols(block)) > 1:
-                    return None
-                # Sources last, so that they are followed first: most types come from there.
-                for wire in (*readers.get(block, ()), *self.network.into.get(block, ())):
-                    source, target = self.open_ends(wire)
-                    known = entries.get(wire.source.block)
-                    if known is None or known.block_or_none is None:
-                        continue
-                    here, there = (source, target) if wire.block != block else (target, source)
-                    spread = entries[wire.block].cls.spec.inputs[wire.port].spread
-                    other = wire.source.block if wire.block == block else wire.block
-                    if wire.source.component or spread:
-                        doubtful = True
-                    elif here and not there:
-                        is_fine = entries[other].block_or_none is not None
-                    elif here and other in fine:
-                        is_fine = True
-                    elif here and other not in group:
-                        group.add(other)
-                        waiting.append(other)
-                    if is_fine:
-                        break
-            if doubtful and not is_fine:
+            # Upwards alone at first: most types come from there, and a long chain has many readers.
+            group, is_fine, is_certain = self.around(name, (self.network.into,), fine)
+            if not is_fine:
+                ways = (self.network.into, self.readers)
+                group, is_fine, is_certain = self.around(name, ways, fine)
+            if not is_certain:
                 return None
             (fine if is_fine else lost).update(group)
         return lost
 
-    def symbols(self, name: str) -> set[str]:
+    def around(
+        self, name: str, ways: Sequence[Mapping[str, Sequence[Wire]]], fine: set[str]
+    ) -> tuple[set[str], bool, bool]:
+        """The blocks that have the type of one, whether it is declared anywhere, and if that is
+        certain."""
+        entries, group, waiting, certain = self.network.entries, {name}, [name], True
+        while waiting:
+            block = waiting.pop()
+            if len(self.symbols(block)) > 1:
+                return group, False, False
+            for wire in (wire for way in ways for wire in way.get(block, ())):
+                source, target = self.open_ends(wire)
+                incoming = wire.block == block
+                other = wire.source.block if incoming else wire.block
+                here, there = (target, source) if incoming else (source, target)
+                spread = entries[wire.block].cls.spec.inputs[wire.port].spread
+                if spread or (here and wire.source.component):
+                    certain = False
+                elif not here or entries[other].block_or_none is None:
+                    continue
+                elif not there or other in fine:
+                    return group, True, True
+                elif other not in group:
+                    group.add(other)
+                    waiting.append(other)
+        return group, False, certain
+
+    @cached_property
+    def readers(self) -> Mapping[str, Sequence[Wire]]:
+        """The wires from each block."""
+        result: dict[str, list[Wire]] = {}
+        for wire in self.network.wires:
+            result.setdefault(wire.source.block, []).append(wire)
+        return result
+
+    def symbols(self, name: str) -> frozenset[str]:
         """What the types of a block's ports depend on."""
         entry = self.network.entries[name]
-        return {symbol for port in entry.cls.spec.ports if (symbol := self.symbol(entry, port))}
+        key = id(entry.block_or_none)
+        if key not in self.known:
+            found = (self.symbol(entry, port) for port in entry.cls.spec.ports)
+            self.known[key] = frozenset(filter(None, found))
+        return self.known[key]
 
 
 def _changes_units(before: Network, network: Network, edit: Edit) -> bool:
@@ -281,33 +316,37 @@ def _is_given(network: Network, key: Port) -> bool:
 def closes_loop(network: Network, near: Iterable[str]) -> bool:
     """Whether an output near an edit needs itself in the same tick."""
     done: dict[Port, bool] = {}
+    needs: dict[tuple[int, str], frozenset[str]] = {}
+
+    def needed(port: Port) -> list[Port]:
+        name, output = port
+        entry = network.entries[name]
+        key = (id(entry.block_or_none), output)
+        if key not in needs:
+            calls = [call for call in entry.evaluations if output in call.outputs]
+            needs[key] = frozenset(each for call in calls for each in call.needs)
+        own = [(name, each) for each in needs[key] if each in entry.cls.spec.outputs]
+        into = network.into.get(name, ()) if needs[key] else ()
+        wires = [wire.source for wire in into if wire.port in needs[key]]
+        return own + [(source.block, source.port) for source in wires]
+
+    # Depth first without recursion: a chain may be long. False in ``done``: on the way here.
     for name in near:
         entry = network.entries.get(name)
-        stack = [iter([(name, port) for port in entry.cls.spec.outputs])] if entry else []
-        path: list[Port] = []
-        while stack:
-            port = next(stack[-1], None)
-            if port is None:
-                stack.pop()
-                if path:
-                    done[path.pop()] = True
-            elif port not in done:
-                done[port] = False
-                path.append(port)
-                stack.append(_needed(network, port))
-            elif not done[port]:
-                return True
+        waiting = [(name, port) for port in entry.cls.spec.outputs] if entry else []
+        while waiting:
+            port = waiting[-1]
+            if port in done:
+                waiting.pop()
+                done[port] = True
+                continue
+            done[port] = False
+            for other in needed(port):
+                if other not in done:
+                    waiting.append(other)
+                elif not done[other]:
+                    return True
     return False
-
-
-def _needed(network: Network, port: Port) -> Iterator[Port]:
-    """The outputs that an output needs in the same tick."""
-    entry = network.entries[port[0]]
-    needs = {name for call in entry.evaluations if port[1] in call.outputs for name in call.needs}
-    yield from ((entry.name, name) for name in needs if name in entry.cls.spec.outputs)
-    for wire in network.into.get(entry.name, ()) if needs else ():
-        if wire.port in needs:
-            yield wire.source.block, wire.source.port
 
 
 def _owner(note: str) -> str:

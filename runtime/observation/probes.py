@@ -281,7 +281,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     shape, name = kind_at.shape, kind_at.name
     name_shown = "" if end.component or shape else spec.outputs[end.port].label
     # Figures draw steps for what is held between ticks, and straight lines for what moves.
-    held = (end.block, end.port) not in network.moving
+    held = not network.is_moving((end.block, end.port))
     return Signal(
         *(label, end, shape, labels, units, name, entry.every),
         constant=constant,
