@@ -11,9 +11,9 @@ as a graph that extends another::
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from runtime.document import SECTIONS
@@ -80,6 +80,8 @@ class Cut:
         touched: set[str] = set()
         for name, region in self.sections.items():
             new, old = region.chunks or {}, before.sections[name].chunks or {}
+            if new is old:
+                continue
             touched |= {key for key, text in new.items() if old.get(key) != text}
             touched |= old.keys() - new.keys()
         return touched
@@ -204,17 +206,82 @@ def cut(source: str) -> Cut | None:
                 return None
             regions.append(Region(name, line.start(), line[0], end))
             continue
-        first = _FIRST.search(source, line.end(), end)
-        if first is None or not _BARE.fullmatch(line[0]):
+        region = _entries(source, Region(name, line.start(), line[0], end), line.end())
+        if region is None or not _BARE.fullmatch(line[0]):
             return None
-        entry = re.compile(rf"^ {{{len(first[1])}}}([A-Za-z_]\w*) *:", re.MULTILINE)
-        found = [(m.start(), m[1]) for m in entry.finditer(source, line.end(), end)]
-        begins = tuple(begin for begin, _ in found)
-        chunks = {
-            key: source[begin:stop]
-            for (begin, key), stop in zip(found, (*begins[1:], end), strict=True)
-        }
-        if not 0 < len(chunks) == len(found):
-            return None
-        regions.append(Region(name, line.start(), line[0], end, begins, chunks))
+        regions.append(region)
     return Cut(source, tuple(regions))
+
+
+def _entries(source: str, region: Region, start: int) -> Region | None:
+    """A section with its entries; None for forms that are read as a whole."""
+    first = _FIRST.search(source, start, region.end)
+    if first is None:
+        return None
+    found = _split(source, first.start(), region.end, len(first[1]))
+    head = source[start : first.start()].split("\n")
+    if any(line.strip() and not line.lstrip().startswith("#") for line in head):
+        return None
+    begins = tuple(begin for begin, _, _ in found)
+    chunks = {key: text for _, key, text in found}
+    if not 0 < len(chunks) == len(found) or begins[0] != first.start():
+        return None
+    return replace(region, begins=begins, chunks=chunks)
+
+
+def _split(source: str, start: int, end: int, indentation: int) -> list[tuple[int, str, str]]:
+    """The entries of a part of a section: offset, key, text."""
+    entry = re.compile(rf"^ {{{indentation}}}([A-Za-z_]\w*) *:", re.MULTILINE)
+    found = [(m.start(), m[1]) for m in entry.finditer(source, start, end)]
+    ends = [*(begin for begin, _ in found[1:]), end][: len(found)]
+    return [
+        (begin, key, source[begin:stop]) for (begin, key), stop in zip(found, ends, strict=True)
+    ]
+
+
+def cut_again(source: str, before: Cut) -> Cut | None:
+    """The pieces of a text after an edit inside a section; those of all of it for other edits."""
+    old = before.source
+    start = _common(old, source)
+    end = len(old) - _common(old[: start - 1 : -1], source[: start - 1 : -1]) if start else len(old)
+    moved = len(source) - len(old)
+    number = bisect_right([region.start for region in before.regions], start) - 1
+    region = before.regions[max(0, number)]
+    # From the entry before the edit to the one after it: what begins a line may belong to either.
+    i, j = bisect_left(region.begins, start) - 1, bisect_right(region.begins, end)
+    stop = region.begins[j] if j < len(region.begins) else region.end
+    if region.chunks is None or i < 0 or end >= region.end:
+        return cut(source)
+    begin = region.begins[i]
+    middle = source[begin - 1 : stop + moved]
+    if any(each in middle for each in _ODD) or _TOP.search(middle, 1):
+        return cut(source)
+    indentation = len(middle) - 1 - len(middle[1:].lstrip(" "))
+    found = _split(source, begin, stop + moved, indentation)
+    keys, texts = list(region.chunks), list(region.chunks.values())
+    keys[i:j], texts[i:j] = [key for _, key, _ in found], [text for _, _, text in found]
+    chunks = dict(zip(keys, texts, strict=True))
+    if len(chunks) < len(keys) or not found or found[0][0] != begin:
+        return cut(source)
+    after = (offset + moved for offset in region.begins[j:])
+    begins = (*region.begins[:i], *(offset for offset, _, _ in found), *after)
+    regions = list(before.regions)
+    regions[number] = replace(region, begins=begins, chunks=chunks, end=region.end + moved)
+    if moved:
+        for k, other in enumerate(regions[number + 1 :], number + 1):
+            offsets = tuple(offset + moved for offset in other.begins)
+            first, last = other.start + moved, other.end + moved
+            regions[k] = replace(other, start=first, end=last, begins=offsets)
+    return Cut(source, tuple(regions))
+
+
+def _common(one: str, other: str) -> int:
+    """How many characters two texts begin with in common."""
+    low, high = 0, min(len(one), len(other))
+    while low < high:
+        middle = (low + high + 1) // 2
+        if one[low:middle] == other[low:middle]:
+            low = middle
+        else:
+            high = middle - 1
+    return low

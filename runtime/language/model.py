@@ -15,20 +15,17 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from blocks.core import Block, Output, Same
-from blocks.registry import Modules
 from runtime.document import (
     PART_SECTIONS,
     SECTIONS,
     Node,
-    complete_document,
     decode,
     find_file,
     is_part,
@@ -38,9 +35,10 @@ from runtime.document import (
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import KEYS, check_experiment, is_experiment
 from runtime.graph import Content, Examination, Graph, examine
-from runtime.language.cut import Cut, cut
+from runtime.language.cut import Cut, cut, cut_again
 from runtime.language.items import YamlItem, deepest
 from runtime.language.scan import scan
+from runtime.language.surroundings import Surroundings
 from runtime.language.text import SourceText
 from runtime.language.versions import Edited, Version, agrees, edited, repaired
 from runtime.network import Network
@@ -53,7 +51,6 @@ PORTS = ("inputs", "outputs")
 # Sections that hardly any other YAML has.
 OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
 _TOP = re.compile(r"^[{ ]?([A-Za-z_]\w*)\s*:", re.MULTILINE)
-MAX_BLOCKS = 50_000
 _OUTSIDE = "_outside_"
 
 
@@ -86,80 +83,8 @@ def _no_collection() -> Iterator[None]:
 
 
 @lru_cache(maxsize=128)
-def _parse_once(text: str, file: str) -> Node:
-    return parse_yaml(text, file)
-
-
-@lru_cache(maxsize=128)
 def _scan_once(text: str) -> YamlItem:
     return scan(text)
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What a file's meaning depends on besides itself.
-
-    unsaved : texts that editors hold, by resolved path; they take the place of the files.
-    modules : whether, or how, Python files that graphs name are read.
-    block_cache : blocks of earlier versions, by type and parameters.
-    longest : characters of a file that is read; None for any number.
-    versions : the last version of each file that had no problems.
-    """
-
-    unsaved: Mapping[Path, str] = field(default_factory=dict)
-    modules: Modules = False
-    block_cache: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
-    longest: int | None = None
-    versions: dict[Path, Version] = field(default_factory=dict, compare=False)
-
-    def refusal(self, source: str) -> str:
-        """Why a file is not read; empty if it is."""
-        if self.longest is None or len(source) <= self.longest:
-            return ""
-        return (
-            f"nothing in this file is checked or completed here, since it has {len(source):,} "
-            f"characters, more than {self.longest:,}; 'runtime validate' checks it"
-        )
-
-    # Files that many texts extend are parsed once for all of them; the limit is the editor's, so it
-    # is checked here and not in the cache.
-    def _parse(self, text: str, file: str) -> Node:
-        if reason := self.refusal(text):
-            raise GraphError([Problem(Where(file), "", reason)])
-        return _parse_once(text, file)
-
-    def reusable_blocks(self) -> dict[tuple[type[Block], str], Block]:
-        """The blocks that were constructed for earlier versions of files; blocks never change."""
-        if len(self.block_cache) > MAX_BLOCKS:
-            self.block_cache.clear()
-        return self.block_cache
-
-    def complete(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
-        """A document with all that it extends and its parts, and what is wrong with those."""
-        return complete_document(document, path, self.unsaved, self._parse)
-
-    def text(self, path: Path) -> str | None:
-        """The text of another file; None if it cannot be read."""
-        unsaved = self.unsaved.get(path.resolve())
-        if unsaved is not None:
-            return unsaved
-        try:
-            return path.read_text(encoding="utf-8-sig", errors="replace")
-        except (OSError, ValueError):
-            return None
-
-    def load(self, name: str) -> Graph:
-        """A graph that an experiment names.
-
-        Raises
-        ------
-        GraphError : it cannot be read.
-        """
-        path = find_file(name, (NOWHERE, ""), Path())
-        document, problems = self.complete(self._parse(self.text(path) or "", str(path)), path)
-        if problems:
-            raise GraphError(problems)
-        return Graph.of_document(document, path, self.modules)
 
 
 class Model:
@@ -175,17 +100,17 @@ class Model:
         self,
         source: str,
         path: Path,
-        surroundings: Surroundings = Surroundings(),
+        surroundings: Surroundings | None = None,
         change: Change | None = None,
     ) -> None:
         self.text = SourceText(source)
         self.path, self.file = path, str(path)
-        self.surroundings, self.change = surroundings, change
+        self.surroundings, self.change = surroundings or Surroundings(), change
         self.memo: dict[str, Any] = {}  # what other modules derive from the file, by their keys
 
     @classmethod
     def of_file(
-        cls, name: str, surroundings: Surroundings = Surroundings(), change: Change | None = None
+        cls, name: str, surroundings: Surroundings | None = None, change: Change | None = None
     ) -> Model:
         """The model of a file, or of a shipped graph.
 
@@ -219,7 +144,17 @@ class Model:
     @cached_property
     def cut(self) -> Cut | None:
         """The text in pieces; None if it is to be read as a whole."""
-        return None if self.refusal or self.change is not None else cut(self.text.source)
+        if self.refusal or self.change is not None:
+            return None
+        # The pieces of the text before are nearly all of those of this one.
+        pieces, before = self.surroundings.pieces, self.surroundings.pieces.get(self.path)
+        source = self.text.source
+        now = cut(source) if before is None else cut_again(source, before)
+        if now is None:
+            pieces.pop(self.path, None)
+        else:
+            pieces[self.path] = now
+        return now
 
     @cached_property
     def _edited(self) -> Edited | None:

@@ -119,8 +119,7 @@ def _open(network: Network, block: str, port: str, spec: BlockSpec) -> str:
 
 def compatible(source: SignalType, target: SignalType) -> bool:
     """Whether a wire may join the two: equal types, or a scalar and a Vector(1)."""
-    pair = {str(source), str(target)}
-    return source == target or pair == {"Scalar", "Vector(1)"}
+    return source == target or {str(source), str(target)} == {"Scalar", "Vector(1)"}
 
 
 def _resolve(port_type: PortType, block: _Bindings) -> SignalType | None:

@@ -259,10 +259,9 @@ class Network:
                     continue
                 if spec.continuous or call.timed:
                     return True
-                sources = [(name, need) for need in call.needs if need in spec.outputs]
-                for wire in self.into.get(name, ()):
-                    if wire.port in call.needs:
-                        sources.append((wire.source.block, wire.source.port))
+                into = (wire for wire in self.into.get(name, ()) if wire.port in call.needs)
+                sources = [(wire.source.block, wire.source.port) for wire in into]
+                sources += [(name, need) for need in call.needs if need in spec.outputs]
                 waiting += [source for source in sources if source not in seen]
                 seen.update(sources)
         return False

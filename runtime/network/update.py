@@ -167,14 +167,17 @@ def _inferred(
     count, wires = len(problems.items), _touching(network, near)
     again = near | lost
     all_types, all_lengths = dict(before.types), dict(before.lengths)
+    search = _Search(network)
     for name in again & before.entries.keys():
         all_lengths.pop(name, None)
         for port in before.entries[name].cls.spec.ports:
-            all_types.pop((name, port), None)
+            # Of a block far away only what depends on the type that is lost.
+            if name in near or search.symbol(network.entries[name], port):
+                all_types.pop((name, port), None)
+    all_lengths |= {name: dict(network.entries[name].block.sizes()) for name in lost - near}
     network = network.changed(types=all_types, lengths=all_lengths)
-    opened = [name for name in (*near, *lost) if name in network.entries]
+    opened = [name for name in (*near, *(lost & beside)) if name in network.entries]
     types, lengths = infer_types(network, problems, wires, opened, beside - lost)
-    search = _Search(network)
     wrong = {problem.address for problem in problems.items[count:]}
     # Which of the wires to a port without a declared type is the wrong one, all of them decide.
     if any(wire.address in wrong and any(search.open_ends(wire)) for wire in wires):
@@ -198,7 +201,7 @@ class _Search:
 
     def __init__(self, network: Network) -> None:
         self.network = network
-        # By block object, since equal blocks of a graph are one object; all of them exist meanwhile.
+        # By block object: equal blocks of a graph are one object, and all of them exist meanwhile.
         self.opened: dict[tuple[int, str], str] = {}
         self.known: dict[int, frozenset[str]] = {}
 
