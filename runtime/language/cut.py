@@ -256,7 +256,8 @@ def cut_again(source: str, before: Cut) -> Cut | None:
     middle = source[begin - 1 : stop + moved]
     if any(each in middle for each in _ODD) or _TOP.search(middle, 1):
         return cut(source)
-    indentation = len(middle) - 1 - len(middle[1:].lstrip(" "))
+    entry = next(iter(region.chunks.values()))
+    indentation = len(entry) - len(entry.lstrip(" "))
     found = _split(source, begin, stop + moved, indentation)
     keys, texts = list(region.chunks), list(region.chunks.values())
     keys[i:j], texts[i:j] = [key for _, key, _ in found], [text for _, _, text in found]

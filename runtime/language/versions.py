@@ -64,20 +64,19 @@ def edited(version: Version, now: Cut, path: Path, block_cache: BlockCache) -> E
         return None
     if not near & {*keys["blocks"]}:
         near |= {*keys["blocks"][:1]}
-    syntax: list[Problem] = []
+    syntax: list[Problem] | None = []
     try:
         document = parse_yaml(now.near(near), str(path))
-        for section in CUT:
-            written = [name for name, _ in (document.get(section) or Node({})).items()]
-            if written != [key for key in keys[section] if key in near]:
-                return None
     except GraphError:
-        read = _syntax(now, touched, near, path)
-        if read is None:
-            return None
-        syntax = read
+        syntax = _syntax(now, touched, near, path)
         text = now.near(near, lines=False)
         document = repaired(scan(text), SourceText(text), str(path))
+    for section in CUT:
+        written = [name for name, _ in (document.get(section) or Node({})).items()]
+        if written != [key for key in keys[section] if key in near]:
+            return None
+    if syntax is None:
+        return None
     # Paths in entries have been excluded: nothing is left to read for this document.
     params = now.params_beside(near)
     edit = Edit(keys["blocks"], keys["wires"], frozenset(touched), near, params, document)
