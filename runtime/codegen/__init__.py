@@ -14,7 +14,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.codegen.source import Entry, Function, RefusedError, Source, support
+from runtime.codegen.source import (
+    INDEPENDENT,
+    Entry,
+    Function,
+    RefusedError,
+    Source,
+    support,
+)
 from runtime.codegen.types import (
     BOOL,
     FLOAT,
@@ -37,6 +44,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BOOL",
     "FLOAT",
+    "INDEPENDENT",
     "INT",
     "Array",
     "Draws",
