@@ -51,26 +51,25 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
+from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
 from blocks.core.params import ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
-from blocks.core.signals import PortType, SignalType
+from blocks.core.signals import FloatArray, PortType, SignalType
 
 __all__ = [
     "Block",
     "BlockContext",
     "BlockSpec",
     "BlockState",
-    "DeclarationError",
     "Evaluation",
     "Input",
     "Output",
@@ -91,6 +90,7 @@ class BlockContext:
     published : the block behind each input whose wire comes from an output that publishes a
         description.
     until : the length of the run (s); None if it is not known.
+    moving : those inputs that the block recalls and that may change between two ticks.
     """
 
     dt: float
@@ -100,6 +100,24 @@ class BlockContext:
     lengths: Mapping[str, int] = field(default_factory=dict)
     published: Mapping[str, Block] = field(default_factory=dict)
     until: float | None = None
+    moving: tuple[str, ...] = ()
+
+    def count(self, port: str) -> int:
+        """The number of terms of a variadic input whose terms are told apart by their places.
+
+        Raises
+        ------
+        ParameterError : one is not connected, which would shift those after it.
+        """
+        flags = self.terms[port]
+        if not all(flags):
+            place = f"{port}[{flags.index(False)}]"
+            message = f"the block that was wired to {place} is removed, which would shift the "
+            message += (
+                "components after it; wire another signal there, or remove this block as well"
+            )
+            raise ParameterError([(port, message)])
+        return len(flags)
 
 
 class BlockState:
@@ -170,7 +188,7 @@ class Block:
             written = f"{type(self).__name__}({name}={value!r})"
             text = f"parameters are given by name, as in {written}" if name else "has no parameter"
             problems.append((name or "value", text))
-        # All at once, the unknown ones included: a user mends a graph in one go.
+        # All at once, the unknown ones included: a user then corrects a graph in one go.
         problems += [
             (name, f"unknown parameter{hint(name, known) or alternatives(known)}")
             for name in sorted(values.keys() - known.keys())
@@ -209,7 +227,7 @@ class Block:
             (name, f"{expected}, got {show(plain(value))}{as_matrix(value, declared)}")
             for name, declared in self.spec.params.items()
             if declared.kind == "array"
-            and (value := self.value(name)) is not None
+            and not isinstance(value := self.value(name), (str, type(None)))
             and not declared.fits(value, sizes)
             and (expected := f"expected {declared.describe()}")
         ]
@@ -227,6 +245,15 @@ class Block:
         A solver would see the value after a jump in the last stage of the step before it.
         """
         return False
+
+    @property
+    def recalls(self) -> tuple[str, ...]:
+        """Inputs of whose past the outputs are a function at any time.
+
+        If such an input moves between ticks and the block has no ``dt`` of its own, a solver asks
+        for the outputs at its stages, from what ``update`` wrote at the tick.
+        """
+        return ()
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         """Lengths that follow from others that are known, by symbol."""
@@ -311,6 +338,31 @@ class Block:
         An implicit solver calls a block less often, the fewer they are.
         """
         return None
+
+    def stack_key(self, context: BlockContext) -> Hashable:
+        """What blocks share that :meth:`stacked` computes together; None: each is called alone."""
+        return None
+
+    @classmethod
+    def stacked(
+        cls,
+        blocks: Sequence[Any],
+        states: Sequence[BlockState],
+        arrays: Mapping[str, FloatArray],
+    ) -> Any:
+        """An object that does in one call what ``output`` and ``update`` of several blocks do, with
+        the same bits; made after all have started.
+
+        Parameters
+        ----------
+        blocks : of this class, with equal keys, types of ports and shapes of states.
+        arrays : their states, a row per block: what each block has of them is a view of its row.
+
+        Its methods take t and, for each port, the values of all blocks in order: of numbers a
+        tuple, of arrays one flat array, of a variadic port a tuple of flat arrays, with zeros for
+        blocks with fewer wires. An output is a new array with a row per block.
+        """
+        raise NotImplementedError
 
     # Any: the type of a parameter is known to its annotation, not to its name.
     def value(self, name: str) -> Any:

@@ -5,7 +5,7 @@ place (tests/blocks/core/test_polynomials.py has the largest ones). This is the 
 code, whose loops a C compiler turns into vector instructions, as it cannot do with calls of a C
 library; its results also change with that library's version::
 
-    for j in independent(len(x)):
+    for j in any_order(len(x)):
         x[j] = expm1(x[j])
 
 The Python engine takes SciPy's functions (:mod:`blocks.core.portable`): one call of NumPy instead
@@ -30,7 +30,7 @@ SQRT2 = math.sqrt(2.0)
 LEAST, MOST = -40.0, 710.0
 
 
-def independent(count: int) -> Iterable[int]:
+def any_order(count: int) -> Iterable[int]:
     """``range(count)`` for a loop whose rounds may be done at once, in vector instructions.
 
     No round reads what another one writes, and arrays that are written share no memory with
@@ -131,24 +131,24 @@ def log1p_head(f: Any, low: Any) -> Any:
 def expm1_of(x: FloatArray) -> None:
     """x = expm1(x), in place, in compiled code: the same bits, faster where all are small."""
     large = 0
-    for j in independent(len(x)):
+    for j in any_order(len(x)):
         large += 0 if abs(x[j]) < 0.34 else 1
     if large == 0:
-        for j in independent(len(x)):
+        for j in any_order(len(x)):
             x[j] = np.copysign(x[j] + expm1_tail(x[j]), x[j])
     else:
-        for j in independent(len(x)):
+        for j in any_order(len(x)):
             x[j] = expm1(x[j])
 
 
 def log1p_of(x: FloatArray) -> None:
     """x = log1p(x), in place, in compiled code: the same bits, faster where all are small."""
     large = 0
-    for j in independent(len(x)):
+    for j in any_order(len(x)):
         large += 0 if abs(x[j]) < 0.29 else 1
     if large == 0:
-        for j in independent(len(x)):
+        for j in any_order(len(x)):
             x[j] = np.copysign(log1p_head(x[j], 0.0), x[j])
     else:
-        for j in independent(len(x)):
+        for j in any_order(len(x)):
             x[j] = log1p(x[j])

@@ -178,7 +178,8 @@ class Derivative(Block):
         input ─▶ [ Derivative ] ─▶ out
 
     out(s) = s / (tau s + 1) input(s), each component: out = (input - x) / tau, x' = out. The filter
-    starts at ``initial``, the input's value at the start.
+    starts at ``initial``, the input's value at the start; with ``first``, at the input's value at
+    the first tick, where ``out`` is then 0.
     """
 
     signal = Input(Same("T"), name="input", doc="a number, a record or a vector")
@@ -186,42 +187,66 @@ class Derivative(Block):
 
     tau: float = param(0.01, unit="s", above=0.0, doc="time constant of the filter")
     initial: FloatArray = param(
-        0.0, shape=[(), (None,)], doc="the input at the start, or one number per component"
+        0.0,
+        shape=[(), (None,)],
+        choices=("first",),
+        doc="the input at the start, or one number per component",
     )
 
     x = State(like="out", name="x", continuous=True, doc="the filtered input")
+    begun = State(1, doc="1 once the filter has started, else 0")
+
+    @property
+    def begins(self) -> bool:
+        """Whether the filter starts with the input's first value."""
+        return isinstance(self.initial, str)
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]
         check_flat(kind, "input")
-        check_sized(kind, "initial", self.initial)
+        if not self.begins:
+            check_sized(kind, "initial", self.initial)
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]
         state.form, state.pack = kind.form, kind.pack
         state.size = kind.shape[0] if kind.shape else 1
-        state.x[...] = self.initial
+        state.x[...] = 0.0 if self.begins else self.initial
+        state.begun[0] = 0.0 if self.begins else 1.0
         state.cells = state.x.reshape(-1)
 
     def slopes(self, state: BlockState, input: Any) -> FloatArray:
         """The rate of change of each component."""
         rates = np.zeros(state.size)
-        for i in range(state.size):
-            rates[i] = (input[i] - state.cells[i]) / self.tau
+        if state.begun[0] > 0.0:
+            for i in range(state.size):
+                rates[i] = (input[i] - state.cells[i]) / self.tau
         return rates
 
     def output(self, state: BlockState, t: float, input: Any) -> Any:
         if state.form == "scalar":
-            return float((input - state.cells[0]) / self.tau)
+            return self._slope(state, input)
         rates = self.slopes(state, input)
         if state.form == "array":
             return rates
         return state.pack(rates)
 
+    def update(self, state: BlockState, t: float, input: Any) -> None:
+        if state.begun[0] == 0.0:
+            state.begun[0] = 1.0
+            if state.form == "scalar":
+                state.cells[0] = input
+            else:
+                for i in range(state.size):
+                    state.cells[i] = input[i]
+
     def derivative(self, state: BlockState, t: float, input: Any) -> Any:
         if state.form == "scalar":
-            return float((input - state.cells[0]) / self.tau)
+            return self._slope(state, input)
         return self.slopes(state, input)
+
+    def _slope(self, state: BlockState, input: float) -> float:
+        return float((input - state.cells[0]) / self.tau) if state.begun[0] > 0.0 else 0.0
 
 
 def _polynomial(real: FloatArray | None, pairs: FloatArray | None) -> FloatArray:

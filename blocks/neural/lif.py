@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from blocks.core import FloatArray, kernel_of, param, portable
-from blocks.core.polynomials import expm1, expm1_of, independent, log1p, log1p_of
-from blocks.neural.neurons import NeuronModel
+from blocks.core.polynomials import any_order, expm1, expm1_of, log1p, log1p_of
+from blocks.neural.neurons import NeuronModel, NeuronStep, independent
 
 # From this many neurons, leaving out those that are awake for the whole step pays in Python.
 MANY = 301
@@ -45,11 +45,24 @@ def lif_step(
     the step only. Of the same voltage and current, the time since a spike follows in closed form,
     tau_rc log1p((1 - V) / (J - 1)), so that rates are right at any step up to tau_ref.
     """
+    lif_steps(len(voltage), dt, current, spikes, voltage, refractory, constants)
+
+
+def lif_steps(
+    each: int,
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """:func:`lif_step` of any number of populations of ``each`` neurons, with the same bits."""
     tau_rc, tau_ref = constants.item(0), constants.item(1)
     step = np.array(dt)
     refractory -= step
     rise = np.subtract(current, voltage, out=spikes)  # written again below
-    if len(voltage) < MANY:
+    if each < MANY:
         # The same for all of them: fewer calls, which is what counts for few neurons.
         awake = refractory - step
         np.maximum(awake, -step, out=awake)
@@ -88,7 +101,7 @@ def _lif_kernel(
 ) -> None:
     n, full = len(voltage), expm1(np.divide(-dt, constants[0]))
     marks = np.empty(n, dtype=np.int64)
-    for i in independent(n):
+    for i in any_order(n):
         left = refractory[i] - dt
         v = risen(voltage[i], current[i], full if left <= 0.0 else 0.0)
         refractory[i], voltage[i], spikes[i] = left, v, 0.0
@@ -124,7 +137,7 @@ def wake_and_spike(
     tau_rc, tau_ref, height = constants[0], constants[1], np.divide(1.0, dt)
     few = np.flatnonzero(marks)
     rise, ratio = np.empty(len(few)), np.empty(len(few))
-    for j in independent(len(few)):
+    for j in any_order(len(few)):
         left = refractory[max(few[j], 0)]  # none is counted from the end, which would be tested
         rise[j] = np.divide(left - dt, tau_rc) if (left > 0.0) & (left < dt) else 0.0
     expm1_of(rise)
@@ -135,7 +148,7 @@ def wake_and_spike(
         marks[j] = 1 if v > 1.0 else 0
     fired = np.flatnonzero(marks[: len(few)])
     since = np.empty(len(fired))
-    for j in independent(len(fired)):
+    for j in any_order(len(fired)):
         since[j] = ratio[max(fired[j], 0)]
     log1p_of(since)
     for j in range(len(fired)):
@@ -194,6 +207,23 @@ class LIF(_Leaky):
 
     step = staticmethod(lif_step)
 
+    def stacked(self, each: int) -> NeuronStep | None:
+        if type(self).step is not lif_step:
+            return super().stacked(each)
+
+        def step(
+            dt: float,
+            current: FloatArray,
+            spikes: FloatArray,
+            voltage: FloatArray,
+            refractory: FloatArray,
+            recovery: FloatArray,
+            constants: FloatArray,
+        ) -> None:
+            lif_steps(each, dt, current, spikes, voltage, refractory, constants)
+
+        return step
+
     def too_long(self, dt: float) -> str:
         if dt > self.tau_ref:
             return (
@@ -208,6 +238,7 @@ class LIF(_Leaky):
         return ""
 
 
+@independent
 def lif_rate_step(
     dt: float,
     current: FloatArray,
@@ -232,7 +263,7 @@ def _lif_rate_kernel(
     constants: FloatArray,
 ) -> None:
     tau_rc, tau_ref = constants[0], constants[1]
-    for i in independent(len(current)):
+    for i in any_order(len(current)):
         above = current[i] - 1.0
         rate = np.divide(1.0, tau_ref + tau_rc * log1p(np.divide(1.0, above)))
         spikes[i] = rate if above > 0.0 else 0.0

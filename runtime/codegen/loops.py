@@ -32,7 +32,7 @@ from runtime.codegen.form import (
     Prefix,
     While,
 )
-from runtime.codegen.source import INDEPENDENT
+from runtime.codegen.source import ANY_ORDER
 from runtime.codegen.types import INT, Array, NotTypedError, Tuple, join, leaves
 from runtime.codegen.values import (
     UNKNOWN,
@@ -163,7 +163,7 @@ def _counted(body: Body, node: ast.For, bounds: Sequence[Value], rounds: Rounds)
         else:
             assign_to(body, target, value)
             rounds(node.body)
-    free = node.type_comment == INDEPENDENT
+    free = node.type_comment == ANY_ORDER
     body.add(For(index, start.expr, stop.expr, int(step.const), statements, free))
 
 

@@ -52,11 +52,11 @@ struct draws {
 #endif
 /* Before a loop whose rounds may be done at once. */
 #if defined(__clang__)
-#define INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
+#define ANY_ORDER _Pragma("clang loop vectorize(assume_safety)")
 #elif defined(__GNUC__)
-#define INDEPENDENT _Pragma("GCC ivdep")
+#define ANY_ORDER _Pragma("GCC ivdep")
 #else
-#define INDEPENDENT
+#define ANY_ORDER
 #endif
 
 /* Failures. A function that may fail takes ctx first, and calls fail with a number of the unit.

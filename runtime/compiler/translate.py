@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
-from blocks.core.polynomials import exponent_of, independent, power_of_two
-from runtime.codegen import INDEPENDENT, Function, Source, unknown_call
+from blocks.core.polynomials import any_order, exponent_of, power_of_two
+from runtime.codegen import ANY_ORDER, Function, Source, unknown_call
 from runtime.compiler.fields import (
     Attribute,
     Fields,
@@ -127,9 +127,9 @@ class Writer(Folding):
     def visit_For(self, node: ast.For) -> Any:
         source = node.iter
         if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
-            if self.function.__globals__.get(source.func.id) is independent:
+            if self.function.__globals__.get(source.func.id) is any_order:
                 source.func = ast.copy_location(ast.Name("range", ast.Load()), source.func)
-                node.type_comment = INDEPENDENT
+                node.type_comment = ANY_ORDER
             source.args = [_copied(argument) for argument in source.args]
         node.iter = _copied(source)
         return self.generic_visit(node)

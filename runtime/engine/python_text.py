@@ -28,7 +28,9 @@ from runtime.plan import (
     Restore,
     Signal,
     Slot,
+    Solve,
     Source,
+    Step,
     Stop,
     Test,
     Zero,
@@ -69,6 +71,7 @@ class PythonText:
         self.between_ticks = False
         self.printers: dict[type[Any], Callable[[Any], None]] = {
             Call: self.call,
+            Solve: self.solve,
             Test: self.test,
             Zero: self.zero,
             Restore: self.restore,
@@ -78,7 +81,7 @@ class PythonText:
         }
 
     def function(
-        self, operations: Sequence[Operation], incoming: Sequence[str], outgoing: Sequence[str]
+        self, operations: Sequence[Step], incoming: Sequence[str], outgoing: Sequence[str]
     ) -> str:
         """``run(first, last, held)``, which takes and returns the variables that outlive a tick."""
         self.leave = f"return ({', '.join(outgoing)},)" if outgoing else "return ()"
@@ -120,9 +123,9 @@ class PythonText:
 
     # Gates
 
-    def operations(self, operations: Sequence[Operation]) -> None:
+    def operations(self, operations: Sequence[Step]) -> None:
         """Write operations in order, each under its gate; those done once are left out."""
-        before: Operation | None = None
+        before: Step | None = None
         for each in operations:
             if each.gate.once:
                 continue
@@ -141,7 +144,7 @@ class PythonText:
             self.line(self.depth, f"if k % {every} == 0:")
         self.rate = every
 
-    def continues(self, before: Operation | None, each: Operation) -> bool:
+    def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
         return (
             before is not None
@@ -149,7 +152,7 @@ class PythonText:
             and (before.gate, before.block) == (each.gate, each.block)
         )
 
-    def condition(self, before: Operation | None, gate: Gate) -> str:
+    def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
         if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
             return "else:"
@@ -224,6 +227,30 @@ class PythonText:
         values = {self.names.of(signal): signal.kind for signal in test.outputs}
         given = ", ".join([repr(test.block), repr(test.method), *values])
         self.code(f"{finite_test(values)} or not_finite({given})", test.block)
+
+    def solve(self, solve: Solve) -> None:
+        """Try values of the unknowns, until the calls compute the same."""
+        memory = f"loop_{solve.number}"
+        control = f"{memory}_control"
+        self.code(f"going = begun({memory}, {control})")
+        self.code("while going > 0.0:")
+        self.depth += 1
+        for signal, start, stop in solve.slots:
+            name, values = self.names.of(signal), f"{memory}[0, {start}:{stop}]"
+            forms = {
+                "scalar": f"{memory}.item(0, {start})",
+                "record": f"tuple({values}.tolist())",
+                "array": f"sealed({values}.reshape({signal.kind.shape!r}).copy())",
+            }
+            self.code(f"{name} = {forms[signal.kind.form]}")
+        for call in solve.calls:
+            self.call(call)
+        for signal, start, stop in solve.slots:
+            flat = ".ravel()" if signal.kind.form == "array" else ""
+            self.code(f"{memory}[1, {start}:{stop}] = {self.names.of(signal)}{flat}")
+        self.code(f"going = newton({memory}, {control})")
+        self.depth -= 1
+        self.code(f"going == 0.0 or unsolved_{solve.number}(going, t)")
 
     # States and recordings
 
@@ -303,6 +330,9 @@ class PythonText:
             self.depth += 1
             self.code(f"h = substep(control, done, {span})")
         self.code("start[:] = states")
+        if method.errors:
+            self.code("try:")
+        self.depth += bool(method.errors)
         self.code(f"for stage in range({method.stages}):  # {part.solver}")
         self.depth += 1
         self.code(f"t = k * {self.dt} + {since}")
@@ -311,6 +341,12 @@ class PythonText:
         self.code(f"blend(states, start, slopes, weights, stage, {h})")
         self.depth -= 1
         if method.errors:
+            self.depth -= 1
+            # A stage beyond where a rate of change is defined: the step is too long.
+            self.code("except (ArithmeticError, ValueError):")
+            self.code(f"{INDENT}if refused(states, start, control, h) < 0.0:")
+            self.code(f"{INDENT * 2}raise")
+            self.code(f"{INDENT}continue")
             self.code(f"done = judged(states, start, slopes, errors, control, done, h, {span})")
             self.code("done >= 0.0 or unreached(done, t)")
         self.operations(part.projections)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.engine.rosenbrock import SHIFT, SPARE
+from runtime.engine.rosenbrock import GAMMA, SHIFT, SPARE
 
 
 @dataclass(frozen=True)
@@ -118,10 +118,15 @@ def method_of(name: str, colours: int = 0) -> Method:
 
 
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
-# tolerances, the largest and the smallest step, whether the last step was rejected, and the steps
-# since the last tick.
-STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT = range(7)
+# tolerances, the largest and the smallest step, whether the last step was rejected, the steps
+# since the last tick, and how far the first step is estimated (see ``estimated``).
+STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT, BEGUN = range(8)
+CONTROLS = 8
 MAX_SUBSTEPS = 100_000
+# The error of a step whose end, or whose estimated error, is not finite, in tolerances.
+INFINITE = 1e300
+# The first trial step, as a share of the largest: only its slopes are of interest.
+TRIAL = 1e-8
 
 
 def controls(rtol: float, atol: float, max_step: float, until: float) -> FloatArray:
@@ -130,7 +135,7 @@ def controls(rtol: float, atol: float, max_step: float, until: float) -> FloatAr
     Steps below the rounding of the time itself are too small.
     """
     smallest = 16.0 * np.finfo(np.float64).eps * until
-    return np.array([max_step, rtol, atol, max_step, smallest, 0.0, 0.0])
+    return np.array([TRIAL * max_step, rtol, atol, max_step, smallest, 0.0, 0.0, 0.0])
 
 
 def blend(
@@ -225,6 +230,19 @@ def substep(control: FloatArray, done: float, dt: float) -> float:
     return left / (int(left / min(control[STEP], control[LARGEST]) - 1e-9) + 1)
 
 
+def refused(states: FloatArray, start: FloatArray, control: FloatArray, h: float) -> float:
+    """Go back to the start of a step of which a stage is not finite; the next one is shorter.
+
+    Returns 0; -1 if no step is short enough, so that the failure is that of the run.
+    """
+    for i in range(len(states)):
+        states[i] = start[i]
+    control[REJECTED] = 1.0
+    control[COUNT] += 1.0
+    control[STEP] = 0.2 * h
+    return -1.0 if control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS else 0.0
+
+
 def judged(
     states: FloatArray,
     start: FloatArray,
@@ -248,7 +266,9 @@ def judged(
             error += errors[j] * slopes[first + j, i]
         scale = control[ATOL] + control[RTOL] * max(abs(start[i]), abs(states[i]))
         ratio = abs(h * error) / scale
-        if not ratio <= worst:
+        if not math.isfinite(ratio) or not math.isfinite(states[i]):
+            ratio = INFINITE
+        if ratio > worst:
             worst, column = ratio, i
     control[COUNT] += 1.0
     factor = 0.2
@@ -256,9 +276,14 @@ def judged(
         factor = 5.0
     elif worst < 1e3:
         factor = min(5.0, max(0.2, 0.9 * worst**-0.2))
+    following = h * factor
     if worst <= 1.0:
         if control[REJECTED] > 0.0:
-            factor = min(factor, 1.0)
+            following = min(following, h)
+            control[BEGUN] = 2.0
+        elif control[BEGUN] < 2.0:
+            estimate = estimated(states, start, slopes, errors, control, h)
+            following = max(estimate, control[SMALLEST])
         control[REJECTED] = 0.0
         done += h
         if dt - done <= 1e-12 * dt:
@@ -267,7 +292,41 @@ def judged(
         control[REJECTED] = 1.0
         for i in range(len(states)):
             states[i] = start[i]
-    control[STEP] = h * factor
+    control[STEP] = following
     if done < dt and (control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS):
         return -1.0 - column
     return done
+
+
+def estimated(
+    states: FloatArray,
+    start: FloatArray,
+    slopes: FloatArray,
+    errors: FloatArray,
+    control: FloatArray,
+    h: float,
+) -> float:
+    """The next one of the first steps of a run (Hairer, Norsett, Wanner I, section II.4).
+
+    After a trial step: the one with which an explicit Euler step would change the states by a
+    hundredth. After this one, explicit methods: the one for which the terms of highest order are a
+    hundredth, by the change of the slopes from the first stage to the last.
+    """
+    is_explicit = len(errors) > 1
+    share = 1.0 if is_explicit else 1.0 / (GAMMA * h)  # of slopes[0], which may be an increment
+    size, speed, bend = 0.0, 0.0, 0.0
+    for i in range(len(states)):
+        scale = control[ATOL] + control[RTOL] * abs(start[i])
+        size = max(size, abs(start[i]) / scale)
+        speed = max(speed, abs(share * slopes[0, i]) / scale)
+        if is_explicit:
+            bend = max(bend, abs(slopes[len(errors) - 1, i] - slopes[0, i]) / (scale * h))
+    control[BEGUN] += 1.0 if is_explicit else 2.0
+    if control[BEGUN] != 2.0 or not is_explicit:
+        if size < 1e-5 or speed < 1e-5:
+            return float(1e-3 * control[LARGEST])
+        return float(0.01 * size / speed)
+    worst = max(speed, bend)
+    if worst <= 1e-15:
+        return float(max(1e-3 * control[LARGEST], 1e-3 * h))
+    return float(min(100.0 * h, (0.01 / worst) ** 0.2))

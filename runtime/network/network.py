@@ -10,6 +10,7 @@ and reports read::
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -27,10 +28,14 @@ Port = tuple[str, str]
 
 
 def place_of(node: Node, parameter: str) -> Where:
-    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    """Where a parameter is written, or the part of it that ``a.b`` or ``a[1]`` names; else the
+    block.
+    """
     where, item = node.key, node
-    for name in parameter.split("."):
+    for name in re.findall(r"[^.\[\]]+", parameter):
         inner = item.get(name) if item.is_map else None
+        if item.is_list and name.isdecimal() and int(name) < len(item.value):
+            inner = item.value[int(name)]
         if inner is None:
             break
         where, item = inner.where, inner
@@ -123,6 +128,7 @@ class Network:
     signal_types : those that the graph's own blocks define, by name.
     notes : what looks wrong but can run.
     time_unit : what dt, until and all times of its blocks are in.
+    loops : whether an algebraic loop is an "error", or the run has to "solve" it.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -145,6 +151,7 @@ class Network:
     document: Node
     states: str = "small"
     time_unit: str = SECOND
+    loops: str = "error"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)
@@ -180,7 +187,8 @@ class Network:
         """The outputs that may change between two ticks; all others hold their value of a tick.
 
         They are outputs of blocks with continuous states, and of blocks without memory that read
-        the time or such an output. Sampled blocks hold, and thereby noise and spikes.
+        the time or such an output, or recall one. Sampled blocks hold, and thereby noise and
+        spikes.
         """
         sources: dict[Port, list[Port]] = {}
         for wire in self.driving:
@@ -190,7 +198,10 @@ class Network:
         readers: dict[Port, list[Port]] = {}
         for name, entry in self.entries.items():
             spec = entry.cls.spec
-            if entry.block_or_none is None or not (spec.continuous or entry.is_memoryless):
+            if entry.block_or_none is None:
+                continue
+            recalled = () if entry.sampled else entry.block.recalls
+            if not (spec.continuous or entry.is_memoryless or recalled):
                 continue
             for call in entry.evaluations:
                 # An output moves with an input that its method needs; what it does not read cannot
@@ -198,9 +209,9 @@ class Network:
                 ports = [(name, port) for port in call.outputs]
                 if spec.is_constant(call):
                     continue
-                if spec.continuous or call.timed:
+                if spec.continuous or (call.timed and not recalled):
                     waiting += ports
-                for port in call.needs:
+                for port in recalled or call.needs:
                     for read in sources.get((name, port), [(name, port)]):
                         readers.setdefault(read, []).extend(ports)
         # All outputs that can be reached from those that move by themselves, along the wires and
@@ -252,7 +263,15 @@ class Network:
                 port: self.entries[source.block].block for port, source in self.publications(name)
             },
             until=self.until,
+            moving=self._moving_inputs(entry),
         )
+
+    def _moving_inputs(self, entry: NetworkEntry) -> tuple[str, ...]:
+        """The inputs that a block recalls and that move between ticks."""
+        recalled = () if entry.block_or_none is None or entry.sampled else entry.block.recalls
+        into = self._into.get(entry.name, ()) if recalled else ()
+        sources = [(w.port, (w.source.block, w.source.port)) for w in into if w.port in recalled]
+        return tuple(dict.fromkeys(port for port, source in sources if source in self.moving))
 
     def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:
         """Whether each term of a variadic input is connected."""

@@ -23,25 +23,22 @@ from runtime.observation import Observation
 from runtime.plan.coupling import IMPLICIT, Coupling
 from runtime.plan.moving import Evaluated, again, continuous_row, declared_states
 from runtime.plan.operations import (
-    Argument,
     Call,
     Gate,
     Integrate,
     Operation,
     Plan,
-    Port,
     Record,
     Restore,
-    Signal,
-    Source,
-    StateArray,
+    Solve,
     Stop,
-    Target,
     Test,
     Zero,
+    calls_in,
 )
 from runtime.plan.order import ordered
 from runtime.plan.passes import coupled
+from runtime.plan.values import Argument, Port, Signal, Source, StateArray, Target
 
 
 def make_plan(
@@ -83,7 +80,10 @@ class _Builder:
     def plan(self) -> Plan:
         """All operations, in order."""
         network = self.network
-        evaluations = [(call, tuple(self.after(call))) for call in self.evaluations()]
+        evaluations = [
+            (each, tuple(test for call in calls_in([each]) for test in self.after(call)))
+            for each in self.evaluations()
+        ]
         records = list(self.records())
         stop = self.stop()
         operations: list[Operation] = [op for call, rest in evaluations for op in (call, *rest)]
@@ -102,19 +102,20 @@ class _Builder:
             self.states,
         )
 
-    def evaluations(self) -> list[Call]:
-        """The calls that compute outputs, in order."""
+    def evaluations(self) -> list[Call | Solve]:
+        """The calls that compute outputs, and loops of them, in order."""
         calls = []
         for name, entry in self.network.entries.items():
             for evaluation in entry.evaluations:
                 constant = entry.cls.spec.is_constant(evaluation)
                 # What depends on states alone needs no switch: they hold.
-                varies = bool(evaluation.needs) or evaluation.timed
+                timed = evaluation.timed and not entry.block.recalls
+                varies = bool(evaluation.needs) or timed
                 switches = self.switches.get(name, ()) if varies and not constant else ()
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
                 gate = Gate(entry.every, switches, once=constant)
                 calls.append(self.call(name, evaluation, outputs, gate))
-        return ordered(calls, self.wires)
+        return ordered(calls, self.wires, self.network.loops == "solve")
 
     def call(
         self, name: str, evaluation: Evaluation, writes: tuple[Target, ...], gate: Gate

@@ -18,18 +18,8 @@ from typing import Any
 
 from blocks.core import SignalType
 from runtime.network import first_column
-from runtime.plan.operations import (
-    ALWAYS,
-    Argument,
-    Call,
-    Gate,
-    Operation,
-    Restore,
-    Signal,
-    Source,
-    Test,
-    Zero,
-)
+from runtime.plan.operations import ALWAYS, Call, Gate, Operation, Restore, Test, Zero
+from runtime.plan.values import Argument, Signal, Source
 
 
 def numbers_in(kind: SignalType) -> int:

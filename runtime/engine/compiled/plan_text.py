@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-RUN = """
+HELPERS = """
 /* The plan is compiled with little optimisation; loops over long signals are worth more. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define THOROUGH __attribute__((optimize("O3")))
@@ -30,7 +30,8 @@ static void set_zero(double *a, int64_t n)
 {
     for (int64_t i = 0; i < n; i++) a[i] = 0.0;
 }
-
+"""
+RUN = """
 static int64_t ticks(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
                      int64_t low, int64_t high)
 {
@@ -62,6 +63,40 @@ int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
     ctx->failure = -1;
     if (setjmp(resume)) return 2;
     return ticks(plan, ctx, first, last, low, high);
+}
+"""
+
+# A step of a solver that may be too long: where a block fails in it, ``attempt`` returns 2.
+ATTEMPT = """
+#if defined(__GNUC__) || defined(__clang__)
+#define APART __attribute__((noinline))
+#else
+#define APART
+#endif
+
+static APART int64_t stages(struct plan *plan, struct context *ctx, int64_t k, double done,
+                            double h)
+{
+    const double dt = @dt@;
+    (void)all_finite;
+    (void)no_nan;
+    (void)set_zero;
+@body@
+    return 0;
+}
+
+static APART int64_t attempt(struct plan *plan, struct context *ctx, int64_t k, double done,
+                             double h)
+{
+    jmp_buf resume;
+    void *const outer = ctx->resume;
+    const int64_t used = ctx->arena_used;
+    int64_t ended = 2;
+    ctx->resume = &resume;
+    if (!setjmp(resume)) ended = stages(plan, ctx, k, done, h);
+    ctx->resume = outer;
+    ctx->arena_used = used;
+    return ended;
 }
 """
 

@@ -118,5 +118,5 @@ def test_compiled_bits_are_those_of_numpy(name: str) -> None:
         np.testing.assert_array_equal(compiled(x).view(np.int64), function(x).view(np.int64))
 
 
-def test_an_independent_loop_is_a_range() -> None:
-    assert list(polynomials.independent(3)) == [0, 1, 2]
+def test_any_order_is_a_range() -> None:
+    assert list(polynomials.any_order(3)) == [0, 1, 2]

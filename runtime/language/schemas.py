@@ -186,8 +186,9 @@ def param_schema(name: str, param: Param) -> Schema:
 
 def _forms(param: Param) -> Iterable[Schema]:
     """The forms that a value may have, without their units."""
-    if param.choices:
-        return [{"enum": list(param.choices)}]
+    words: list[Schema] = [{"enum": list(param.choices)}] if param.choices else []
+    if words and param.kind != "array":
+        return words
     number = {"type": "integer" if param.kind == "int" else "number"} | _bounds(param)
     degrees: list[Schema] = []
     if any(unit.startswith("rad") for unit in param.units):
@@ -204,7 +205,7 @@ def _forms(param: Param) -> Iterable[Schema]:
     if param.kind != "array":
         return _setting_forms(param)
     alone = [number, *degrees] if not param.shapes or () in param.shapes else []
-    return [*alone, {"type": "array"}]
+    return [*words, *alone, {"type": "array"}]
 
 
 def _setting_forms(param: Param) -> list[Schema]:
