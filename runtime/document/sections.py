@@ -21,6 +21,7 @@ SECTIONS = {
     "graph": "the title",
     "run": "dt, until, seed, engine and memory",
     "params": "values for $names",
+    "types": "signal types: names and units of components",
     "world": "walls and obstacles",
     "blocks": "the boxes",
     "wires": "consumer: {input: producer.output}",
@@ -33,7 +34,7 @@ SECTIONS = {
     "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
-    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
+    *("graph", "run", "params", "types", "blocks", "wires", "without", "bypass"),
     *("from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = (
@@ -46,6 +47,7 @@ FILE_KEYS = ("module", "file")
 EXAMPLES = {
     "run": "dt: 0.001",
     "params": "v_r: 1.0",
+    "types": "Body: {x: m, v: m/s}",
     "world": "circles: [[0.3, -1.5, 0.5]]",
     "blocks": "total: {type: Sum}",
     "wires": "lqr: {error: error.state}",
