@@ -44,7 +44,7 @@ from blocks.core.matrices import (
     times,
     transposed,
 )
-from blocks.core.names import Constants, Definitions, Names, misnamed
+from blocks.core.names import Constants, Definitions, Names
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -60,11 +60,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-<<<<<<< HEAD
-from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, modulo, nearest, wrap
-=======
-from blocks.core.scalar_functions import misnamed, modulo, nearest, wrap
->>>>>>> main
+from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, misnamed, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,

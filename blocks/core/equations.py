@@ -25,8 +25,9 @@ from blocks.core.expressions import (
     read_expressions,
     used_words,
 )
-from blocks.core.names import Constants, Definitions, Names, misnamed
+from blocks.core.names import Constants, Definitions, Names
 from blocks.core.params import ParameterError, param
+from blocks.core.scalar_functions import misnamed
 from blocks.core.signals import Scalar, SignalForm, SignalType, Vector
 
 # `u` other than `u[2]` or `u[0:3]`: how much it has is known once it is wired.
@@ -62,14 +63,21 @@ class Equations(Block, ABC):
         """Names beside those of the parameters here: of states, of an unknown."""
         return {}
 
-    def name_problems(self) -> list[tuple[str, str]]:
-        """What is wrong with the names, by parameter."""
-        taken = {"t", "u", *self.own_names()}
+    def name_problems(
+        self, variables: Mapping[str, str], states: Iterable[str] = ()
+    ) -> list[tuple[str, str]]:
+        """What is wrong with the names, by parameter.
+
+        ``variables`` are names that expressions have beside u, with what they are.
+        """
+        known = {"u": "the inputs", **variables}
+        own = {"let": self.let.texts if self.let else ()}
+        groups = {"states": states, "names": self.names, "constants": self.constants, **own}
+        taken: list[str] = []
         problems = []
-        groups = (("names", self.names), ("constants", self.constants))
-        for parameter, names in (*groups, ("let", self.let.texts if self.let else ())):
-            problems += [(parameter, text) for text in misnamed(names or (), taken)]
-            taken |= set(names or ())
+        for parameter, names in groups.items():
+            problems += [(parameter, text) for _, text in misnamed(names or (), known, taken)]
+            taken += names or ()
         return problems
 
     def expected_inputs(self, texts: Iterable[str]) -> int | None:
@@ -172,14 +180,11 @@ class Equations(Block, ABC):
         ------
         ParameterError : one was removed, or there are not as many as names.
         """
-        flags = context.terms["u"]
-        if not all(flags):
-            message = "a block that is wired to u is removed, which would shift its components"
-            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
-        if self.names is not None and self.names.size != len(flags):
-            message = f"expected {len(flags)} names, one for each component of u, got "
+        count = context.count("u")
+        if self.names is not None and self.names.size != count:
+            message = f"expected {count} names, one for each component of u, got "
             raise ParameterError([("names", message + str(self.names.size))])
-        return len(flags)
+        return count
 
 
 def items(parameter: str, texts: Sequence[str]) -> list[tuple[str, str]]:

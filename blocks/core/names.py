@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from blocks.core.scalar_functions import RESERVED
 from blocks.core.settings import Setting, SettingError
 
 _SIZED = re.compile(r"\s*(\w+)\s*(?:\(\s*([1-9]\d{0,3})\s*\))?\s*", re.ASCII)
@@ -181,16 +180,3 @@ def _text(value: Any) -> str:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return repr(value)
     raise ValueError
-
-
-def misnamed(names: Iterable[str], others: Iterable[str] = ()) -> Iterator[str]:
-    """What is wrong with names that expressions use, beside ``others`` that they use already."""
-    seen = set(others)
-    for name in names:
-        if not name.isidentifier() or not name.isascii():
-            yield f"'{name}' is not a valid name; use letters, digits and _"
-        elif name in RESERVED:
-            yield f"the name '{name}' is taken, as it has a meaning in every expression"
-        elif name in seen:
-            yield f"the name '{name}' is given twice, or taken; choose another"
-        seen.add(name)

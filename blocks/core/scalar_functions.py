@@ -240,11 +240,6 @@ _HELPERS: tuple[Callable[..., float], ...] = (
     *(real_acos, real_acosh, real_atanh, real_sin, real_cos, real_tan, real_sinh, real_cosh),
     *(real_expm1, real_gamma, real_lgamma, real_pow),
 )
-<<<<<<< HEAD
-# Names that mean something in every expression.
-RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, "sum", "mean", "norm"])
-=======
->>>>>>> main
 SCOPE: Mapping[str, Any] = {
     "math": math,
     "np": np,
@@ -264,7 +259,7 @@ def misnamed(
     """
     seen = set(others)
     meanings = {name: f"the number {value:.4g}" for name, value in CONSTANTS.items()}
-    meanings |= dict.fromkeys([*FUNCTIONS, *VECTORS], "a function")
+    meanings |= dict.fromkeys([*FUNCTIONS, "sum", "mean", "norm"], "a function")
     meanings |= {"t": "the time", **variables}
     for name in names:
         if not (name.isidentifier() and name.isascii()) or iskeyword(name):

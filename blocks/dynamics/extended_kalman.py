@@ -27,15 +27,10 @@ from blocks.core import (
     SignalType,
     State,
     Vector,
-    misnamed,
     param,
     size_of,
     wrong_size,
 )
-<<<<<<< HEAD
-=======
-from blocks.dynamics.equations import Equations
->>>>>>> main
 from blocks.dynamics.kalman import (
     corrected_covariance,
     covariance_problems,
@@ -110,8 +105,7 @@ class ExtendedKalmanFilter(Equations):
         if self.states is not None and self.states.size != n:
             message = f"expected {n} name(s), one per state, got {self.states.size}"
             problems.append(("states", message))
-        problems += [("states", text) for text in misnamed(self.states or (), {"t", "u"})]
-        problems += self.name_problems()
+        problems += self.name_problems({}, self.states or ())
         for name, texts, count in (("transition", self.f, n), ("observation", self.h, p)):
             # The expressions, or a subclass with a method of the same name in their place.
             own = getattr(type(self), name) is not getattr(ExtendedKalmanFilter, name)
@@ -155,11 +149,7 @@ class ExtendedKalmanFilter(Equations):
         return {"Y": Scalar if self.measured == 1 else Vector(self.measured)}
 
     def validate_in(self, context: BlockContext) -> None:
-<<<<<<< HEAD
         self._check(self.input_count(context))
-=======
-        self.equations.check(self.written, context.count("u"))
->>>>>>> main
 
     def start(self, state: BlockState) -> None:
         n, p = self.x0.size, self.measured

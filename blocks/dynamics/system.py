@@ -22,16 +22,11 @@ from blocks.core import (
     function_from,
     function_text,
     items,
-    misnamed,
     param,
     value_type,
     width_of,
     wrong_size,
 )
-<<<<<<< HEAD
-=======
-from blocks.dynamics.equations import PARAMETERS, Equations
->>>>>>> main
 
 
 class _System(Equations, ABC):
@@ -73,8 +68,7 @@ class _System(Equations, ABC):
         if self.states is not None and self.states.size != self.initial.size:
             got = f"{self.initial.size} name(s), one per state, got {self.states.size}"
             problems.append(("states", f"expected {got}"))
-        problems += [("states", text) for text in misnamed(self.states or (), {"t", "u"})]
-        return problems or self.name_problems()
+        return problems or self.name_problems({}, self.states or ())
 
     def validate(self) -> None:
         problems = self.problems()
@@ -86,11 +80,7 @@ class _System(Equations, ABC):
             raise ParameterError(problems)
 
     def validate_in(self, context: BlockContext) -> None:
-<<<<<<< HEAD
         self._check(self.input_count(context))
-=======
-        self.equations.check(self.written, context.count("u"))
->>>>>>> main
 
     def _check(self, count: int | None) -> None:
         """Check all expressions with so many components in u; None as far as they are known."""
@@ -205,15 +195,8 @@ class DynamicSystem(_System):
         return bool(state.condition(t, tuple(state.x.tolist()), u, state.constants) != 0.0)
 
     def couplings(self, context: BlockContext) -> list[set[int]]:
-<<<<<<< HEAD
         read = self.read(items("derivative", self.rates), self.input_count(context))
         return read.couplings("x", self.initial.size)
-=======
-        count = context.count("u")
-        read = [self.equations.read("derivative", text, count) for text in self.rates]
-        # Names of states and indices are x[0], x[1], ... in the Python text, sums are written out.
-        return [set(map(int, re.findall(r"\bx\[(\d+)\]", each.python))) for each in read]
->>>>>>> main
 
     def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
         rates: FloatArray = state.rates(t, tuple(state.x.tolist()), u, state.constants)

@@ -6,22 +6,12 @@ import math
 from typing import Any, ClassVar
 
 from blocks.core import (
-<<<<<<< HEAD
-=======
-    Block,
->>>>>>> main
     BlockContext,
     BlockState,
     Equations,
     Output,
     ParameterError,
     Scalar,
-<<<<<<< HEAD
-=======
-    function_from,
-    function_text,
-    misnamed,
->>>>>>> main
     param,
 )
 
@@ -50,10 +40,9 @@ class AlgebraicConstraint(Equations):
         return {"z": "z"}
 
     def validate(self) -> None:
-        problems = self.name_problems()
+        problems = self.name_problems({"z": "the output"})
         if not self.low < self.high:
             message = f"expected more than low = {self.low:g}, got {self.high:g}"
-<<<<<<< HEAD
             problems.append(("high", message))
         if problems:
             raise ParameterError(problems)
@@ -61,18 +50,6 @@ class AlgebraicConstraint(Equations):
 
     def validate_in(self, context: BlockContext) -> None:
         self._check(self.input_count(context))
-=======
-            raise ParameterError([("high", message)])
-        variables = {"u": "the inputs", "z": "the output"}
-        problems = [("constants", text) for _, text in misnamed(self.constants or (), variables)]
-        if problems:
-            raise ParameterError(problems)
-        used = [int(n) for n in _INDEX.findall(self.expression)]
-        self.read(1 + max(used, default=0))
-
-    def validate_in(self, context: BlockContext) -> None:
-        self.read(context.count("u"))
->>>>>>> main
 
     def _check(self, count: int | None) -> None:
         sizes = self.sizes_of({"expression": (self.expression,)}, count)

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-=======
-import re
-from collections.abc import Mapping
->>>>>>> main
 from functools import cached_property
 from typing import Any
 
 from blocks.core import (
-<<<<<<< HEAD
-=======
-    Block,
->>>>>>> main
     BlockContext,
     BlockState,
     Equations,
@@ -22,24 +13,12 @@ from blocks.core import (
     ParameterError,
     Same,
     SignalType,
-<<<<<<< HEAD
     items,
-=======
-    Vector,
-    function_from,
-    function_text,
-    misnamed,
->>>>>>> main
     param,
     value_type,
     width_of,
 )
 
-<<<<<<< HEAD
-=======
-PARAMETERS = ("t", "u", "c")
-VARIABLES = {"u": "the inputs"}
->>>>>>> main
 
 class Function(Equations):
     """Compute expressions of any signals, the time and constants.
@@ -68,21 +47,11 @@ class Function(Equations):
     )
 
     def validate(self) -> None:
-<<<<<<< HEAD
-        problems = self.name_problems()
+        problems = self.name_problems({})
         if not problems:
             self.sizes_of({"expression": self.expression})
             if width_of(self.resolved) != self._width and self.expected_inputs(self.expression):
                 problems = [("signal", self._expected(self._width))]
-=======
-        names = self.names or ()
-        problems = [("names", text) for _, text in misnamed(names, VARIABLES)]
-        constants = misnamed(self.constants or (), VARIABLES, names)
-        problems += [("constants", text) for _, text in constants]
-        if self.resolved.symbol or _size(self.resolved) != len(self.expression):
-            message = f"expected a type of {len(self.expression)} components, one per expression, "
-            problems.append(("signal", message + f"got {self.kind}"))
->>>>>>> main
         if problems:
             raise ParameterError(problems)
 
@@ -110,39 +79,9 @@ class Function(Equations):
         return {"T": self.resolved}
 
     def validate_in(self, context: BlockContext) -> None:
-<<<<<<< HEAD
         read = self.read(items("expression", self.expression), self.input_count(context))
         if len(read.values) != width_of(self.resolved):
             raise ParameterError([("signal", self._expected(len(read.values)))])
-=======
-        count = context.count("u")
-        if self.names is not None and len(self.names) != count:
-            message = f"expected {count} names, one for each component of u, got "
-            raise ParameterError([("names", message + str(len(self.names)))])
-        self.read(count)
-
-    def read(self, count: int, connected: tuple[int, ...] | None = None) -> list[Expression]:
-        """The expressions, with ``count`` components in u, those not ``connected`` being zero.
-
-        Raises
-        ------
-        ParameterError : one is not valid.
-        """
-        places = range(count) if connected is None else connected
-        parts = [f"u[{places.index(i)}]" if i in places else "0.0" for i in range(count)]
-        own = dict(zip(self.names or (), parts, strict=False))
-        own |= {name: f"c[{i}]" for i, name in enumerate(self.constants or ())}
-        expressions = []
-        for number, text in enumerate(self.expression):
-            try:
-                expressions.append(read_expression(text, {"u": parts, "t": "t", **own}))
-            except ExpressionError as error:
-                which = f"number {number}, " if len(self.expression) > 1 else ""
-                short = text if len(text) <= 60 else text[:57] + "..."
-                message = f"{which}column {error.column} of '{short}': {error.message}"
-                raise ParameterError([("expression", message)]) from None
-        return expressions
->>>>>>> main
 
     def start(self, state: BlockState) -> None:
         flags = state.context.terms["u"]
@@ -154,14 +93,3 @@ class Function(Equations):
 
     def output(self, state: BlockState, t: float, u: tuple[float, ...]) -> Any:
         return state.evaluate(t, u, state.constants)
-<<<<<<< HEAD
-=======
-
-
-_BRACKETED = re.compile(r"\[[^\]]*?(\d{1,3})\s*\]")
-
-
-def _size(kind: SignalType) -> int:
-    shape = kind.shape
-    return 0 if len(shape) > 1 else (shape[0] if shape else 1)
->>>>>>> main
