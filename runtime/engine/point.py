@@ -12,7 +12,7 @@ from runtime.engine.engine import Engine
 from runtime.engine.program import FILENAME, Program
 from runtime.engine.python_text import PythonText
 from runtime.network import Endpoint
-from runtime.plan import Argument, Call, Integrate, Port, Signal, Solve, Source, Test, Zero
+from runtime.plan import ALWAYS, Argument, Call, Integrate, Port, Signal, Solve, Source, Test, Zero
 
 # Derivatives of all continuous states and the outputs, of offsets of the inputs.
 Flow = Callable[[Sequence[float]], tuple[list[float], list[float]]]
@@ -57,7 +57,7 @@ class PointText(PythonText):
             self.line(1, f"({held},) = held")
         self.depth = 1
         self.operations(outputs)
-        self.at(1)
+        self.at(ALWAYS)
         self.line(1, "def flow(offset):")
         self.depth, self.offsets = 2, self.inside
         if held:

@@ -10,6 +10,7 @@ from runtime.plan.building import make_plan
 from runtime.plan.c_text import CText, numbers_in
 from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
+    ALWAYS,
     Call,
     Gate,
     Integrate,
@@ -29,6 +30,7 @@ from runtime.plan.passes import exchanged, signals_of
 from runtime.plan.values import Argument, Port, Row, Signal, Slot, Source, StateArray
 
 __all__ = [
+    "ALWAYS",
     "Argument",
     "CText",
     "Call",
