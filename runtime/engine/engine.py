@@ -52,6 +52,7 @@ from runtime.engine.state import Held, RunState
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
+    Zeros,
     bad_slope,
     floats,
     sealed,
@@ -267,7 +268,7 @@ class Engine:
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""
         functions = (
-            *(math.isfinite, math.isnan, np.vdot, np.array, np.full),
+            *(math.isfinite, math.isnan, np.vdot, np.array, np.full, np.concatenate, Zeros()),
             *(self.checks.forms, sealed, self.checks.not_finite, floats),
         )
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
@@ -399,6 +400,7 @@ class Engine:
         """The function of the Python plan."""
         code = self.program.code
         self.lines = code.lines
+        self.namespace |= self.state.stacks()
         exec(code.pieces[0], self.namespace)
         run: Run = self.namespace["run"]
         return run

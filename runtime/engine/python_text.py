@@ -32,6 +32,7 @@ from runtime.plan import (
     Slot,
     Solve,
     Source,
+    Step,
     Stop,
     Test,
     Zero,
@@ -82,7 +83,7 @@ class PythonText:
         }
 
     def function(
-        self, operations: Sequence[Operation], incoming: Sequence[str], outgoing: Sequence[str]
+        self, operations: Sequence[Step], incoming: Sequence[str], outgoing: Sequence[str]
     ) -> str:
         """``run(first, last, held)``, which takes and returns the variables that outlive a tick."""
         self.leave = f"return ({', '.join(outgoing)},)" if outgoing else "return ()"
@@ -124,9 +125,9 @@ class PythonText:
 
     # Gates
 
-    def operations(self, operations: Sequence[Operation]) -> None:
+    def operations(self, operations: Sequence[Step]) -> None:
         """Write operations in order, each under its gate; those done once are left out."""
-        before: Operation | None = None
+        before: Step | None = None
         for each in operations:
             if each.gate.once:
                 continue
@@ -145,7 +146,7 @@ class PythonText:
             self.line(self.depth, f"if {rate.due('k').format('or')}:")
         self.rate = rate
 
-    def continues(self, before: Operation | None, each: Operation) -> bool:
+    def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
         return (
             before is not None
@@ -153,7 +154,7 @@ class PythonText:
             and (before.gate, before.block) == (each.gate, each.block)
         )
 
-    def condition(self, before: Operation | None, gate: Gate) -> str:
+    def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
         if gate.is_off and before is not None and before.gate == replace(gate, is_off=False):
             return "else:"

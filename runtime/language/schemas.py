@@ -140,8 +140,8 @@ def _type_branch(name: str, cls: type[Block]) -> Schema:
         "required": ["type"],
         "not": {"required": ["module"]},
     }
-    inside = {key: param_schema(key, param) for key, param in cls.spec.params.items()}
-    inside |= dict.fromkeys(BLOCK_KEYS, ANY)
+    inside = dict.fromkeys(BLOCK_KEYS, ANY)
+    inside |= {key: param_schema(key, param) for key, param in cls.spec.params.items()}
     then = _object(inside) | {"description": describe_markdown(cls).split("\n\n")[1]}
     return {"if": condition, "then": then}
 

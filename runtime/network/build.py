@@ -208,7 +208,7 @@ def _with_blocks(
         block, block_notes = _construct(definition, own, problems, block_cache, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
-        every, offset = sampling(node, network, definition.address, problems)
+        every, offset = sampling(node, definition.cls, network, definition.address, problems)
         sampled = node.get("dt") is not None
         if sampled and definition.cls.spec.continuous:
             message = "its states are continuous and integrated over every step; leave dt out"
@@ -248,8 +248,8 @@ def _construct(
 ) -> tuple[Block | None, list[str]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
-    values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
     params = cls.spec.params
+    values = {key: item for key, item in node.items() if key in params or key not in BLOCK_KEYS}
     unknown = [key for key in values if key not in params]
     for key in unknown:
         message = f"unknown parameter{_instead_of(key, values, cls)}"

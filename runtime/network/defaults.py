@@ -46,7 +46,7 @@ def _is_type(key: str) -> bool:
 def _takes(cls: type[Block], key: str) -> bool:
     """Whether blocks of a class have a parameter, or may have a step of their own."""
     spec = cls.spec
-    if key in TIMES:
+    if key in TIMES and key not in spec.params:
         is_constant = bool(spec.outputs) and all(map(spec.is_constant, spec.evaluations))
         return not spec.continuous and not (is_constant and spec.update is None)
     return key in spec.params
@@ -62,6 +62,8 @@ def _filled(scope: Scope, node: Node, cls: type[Block]) -> Node:
         if by_type is not None and by_type.is_map:
             named = dict(by_type.items())
         by_key = {key: item for key, item in above.defaults.items() if not _is_type(key)}
+        # For blocks of all types, an offset is that of ticks; a Sine has one of its own.
+        by_key = {k: v for k, v in by_key.items() if k not in TIMES or k not in cls.spec.params}
         for key, item in {**by_key, **named}.items():
             # A step of the block's own has an offset of its own, too.
             is_written = node.get("dt") is not None if key in TIMES else False

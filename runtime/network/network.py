@@ -11,6 +11,7 @@ and reports read::
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -28,10 +29,14 @@ Port = tuple[str, str]
 
 
 def place_of(node: Node, parameter: str) -> Where:
-    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    """Where a parameter is written, or the part of it that ``a.b`` or ``a[1]`` names; else the
+    block.
+    """
     where, item = node.key, node
-    for name in parameter.split("."):
+    for name in re.findall(r"[^.\[\]]+", parameter):
         inner = item.get(name) if item.is_map else None
+        if item.is_list and name.isdecimal() and int(name) < len(item.value):
+            inner = item.value[int(name)]
         if inner is None:
             break
         where, item = inner.where, inner

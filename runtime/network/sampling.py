@@ -8,15 +8,19 @@ In: ``dt`` and ``offset`` as a block writes them, in s. Out: both in base ticks 
 
 from __future__ import annotations
 
+from blocks.core import Block
 from runtime.document import MAX_TICKS, Node, seconds
 from runtime.errors import Problems
 from runtime.network.network import Network
 
 
-def sampling(node: Node, network: Network, address: str, problems: Problems) -> tuple[int, int]:
+def sampling(
+    node: Node, cls: type[Block], network: Network, address: str, problems: Problems
+) -> tuple[int, int]:
     """How many base ticks lie between two ticks of a block, and how many before its first one."""
     every = _ticks(node.get("dt"), network, f"{address}.dt", problems)
-    offset = node.get("offset")
+    # Of a Sine and its like, the offset is that of the signal.
+    offset = None if "offset" in cls.spec.params else node.get("offset")
     if offset is None or offset.value in (0, 0.0):
         return every, 0
     first = _ticks(offset, network, f"{address}.offset", problems)

@@ -3,7 +3,8 @@
 ``building`` makes a plan of a network and its observation, ``order`` sorts its evaluations, and
 ``moving`` says what a solver computes again between two ticks. ``operations`` is the form; a line
 of it is ``call      error.out: Scalar = error.output(t, (reference.out, plant.y))``. ``passes`` go
-over operations, and ``c_text`` has what printers of C share.
+over operations, ``stacking`` makes one call of equal ones, and ``c_text`` has what printers of C
+share.
 """
 
 from runtime.plan.building import make_plan
@@ -27,6 +28,7 @@ from runtime.plan.operations import (
     calls_in,
 )
 from runtime.plan.passes import exchanged, signals_of
+from runtime.plan.stacking import Stack, Stacking, Step
 from runtime.plan.values import Argument, Port, Row, Signal, Slot, Source, StateArray
 
 __all__ = [
@@ -47,7 +49,10 @@ __all__ = [
     "Slot",
     "Solve",
     "Source",
+    "Stack",
+    "Stacking",
     "StateArray",
+    "Step",
     "Stop",
     "Store",
     "Test",

@@ -114,7 +114,8 @@ class _Builder:
                 varies = bool(evaluation.needs) or timed
                 switches = self.switches.get(name, ()) if varies and not constant else ()
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
-                gate = Gate(entry.every, switches, once=constant, offset=entry.offset, starts=True)
+                late = entry.offset > 0
+                gate = Gate(entry.every, switches, False, constant, entry.offset, starts=late)
                 calls.append(self.call(name, evaluation, outputs, gate))
         return ordered(calls, self.wires, self.network.loops == "solve")
 

@@ -49,7 +49,7 @@ class Gate:
     def due(self, tick: str) -> str:
         """The condition on a tick in Python and in C, for a rate below that of the base ticks."""
         text = f"{tick} % {self.every} == {self.offset}"
-        return f"{text} {{}} {tick} == 0" if self.starts and self.offset else text
+        return f"{text} {{}} {tick} == 0" if self.starts else text
 
     def __str__(self) -> str:
         names = " and ".join(map(str, self.switches))
