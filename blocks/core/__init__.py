@@ -27,6 +27,7 @@ from blocks.core.expressions import (
     function_from,
     function_text,
     read_expression,
+    signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.hints import hint
@@ -160,6 +161,7 @@ __all__ = [
     "require",
     "show",
     "signal_type",
+    "signed_distance",
     "sin",
     "size_of",
     "small_eliminate",

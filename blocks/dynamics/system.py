@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from blocks.core import (
     Block,
@@ -25,8 +28,12 @@ from blocks.core import (
     function_from,
     function_text,
     param,
+    signed_distance,
 )
 from blocks.dynamics.equations import PARAMETERS, Equations, input_count
+from blocks.dynamics.events import Happening, Happenings
+
+SIGNS = {"rising": 1.0, "falling": -1.0, "either": 0.0}
 
 
 class _System(Block, ABC):
@@ -141,10 +148,11 @@ class DynamicSystem(_System):
         u ─▶ [ DynamicSystem ] ─▶ out
 
     x' = derivative(x, u, t), x(0) = initial; out = x, or the expressions of ``output``. States are
-    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: at each tick
-    at which that condition holds, the states become the values of ``then``, as when a ball bounces.
-    Events are not located between ticks: one acts up to a step late, so ``run.dt`` is its accuracy.
-    ``out`` depends on inputs directly only if an expression of ``output`` names u.
+    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: where that
+    condition becomes true, the states become the values of ``then``, as when a ball bounces;
+    ``events`` lists several. The time is located between ticks; with ``run: {events: ticks}``, an
+    event acts at each tick at which its condition holds. ``out`` depends on inputs directly only if
+    an expression of ``output`` names u.
     """
 
     rates: tuple[str, ...] = param(
@@ -154,51 +162,101 @@ class DynamicSystem(_System):
     then: tuple[str, ...] | None = param(
         None, doc="the states after an event, one expression per state"
     )
+    happenings: Happenings | None = param(
+        None,
+        name="events",
+        doc="several events: [{when: x < 0, then: [0, -v]}, ...]; each acts as its condition "
+        "becomes true, or with 'direction: falling' false, or 'either'",
+    )
 
     x = State("n", name="x", continuous=True, doc="the states")
+    was = State("e", name="was", doc="1 where an event's condition held on the last tick, else -1")
 
     def sizes(self) -> dict[str, int]:
-        return {"n": len(self.rates)} if "rates" in self.__dict__ else {}
+        known = self.__dict__.keys() >= {"rates", "when", "then", "happenings"}
+        return {"n": len(self.rates), "e": len(self.list_of_events)} if known else {}
 
     @property
     def changes(self) -> tuple[str, ...]:
         return self.rates
+
+    @property
+    def list_of_events(self) -> tuple[Happening, ...]:
+        """All events, in order."""
+        first = () if self.when is None else (Happening(self.when, self.then or ()),)
+        return (*first, *(() if self.happenings is None else self.happenings.items))
 
     def problems(self) -> list[tuple[str, str]]:
         problems = super().problems()
         if (self.when is None) != (self.then is None):
             missing = "then" if self.then is None else "when"
             problems.append((missing, "missing; an event has 'when' and 'then'"))
-        elif self.then is not None and len(self.then) != len(self.rates):
-            count = len(self.rates)
-            message = f"expected {count} expression(s), one per state, got {len(self.then)}"
-            problems.append(("then", message))
+            return problems
+        for i, each in enumerate(self.list_of_events, -(self.when is not None)):
+            if len(each.then) != len(self.rates):
+                count = len(self.rates)
+                message = f"expected {count} expression(s), one per state, got {len(each.then)}"
+                problems.append(("then" if i < 0 else f"events.{i}.then", message))
         return problems
 
     @property
     def written(self) -> list[tuple[str, str]]:
         expressions = [("derivative", text) for text in self.rates]
         expressions += [("output", text) for text in self.results or ()]
-        expressions += [("when", self.when)] if self.when is not None else []
-        return expressions + [("then", text) for text in self.then or ()]
+        for i, each in enumerate(self.list_of_events, -(self.when is not None)):
+            place = "" if i < 0 else f"events.{i}."
+            expressions.append((f"{place}when", each.when))
+            expressions += [(f"{place}then", text) for text in each.then]
+        return expressions
 
     def start(self, state: BlockState) -> None:
         super().start(state)
         state.rates = self.function(state, "derivative", self.rates)
-        state.has_event = self.when is not None
-        state.condition = self.function(state, "when", (self.when or "0",), "scalar")
-        state.jump = self.function(state, "then", self.then or ("0",) * state.n)
+        events, count = self.list_of_events, len(state.context.terms["u"])
+        state.events = len(events)
+        state.directions = np.array([SIGNS[each.direction] for each in events])
+        distances = [signed_distance(each.when) for each in events] or ["0"]
+        try:
+            state.distances = self.function(state, "when", tuple(distances))
+        except ParameterError:  # what is written out is too long; the condition itself is not
+            texts = [f"1 if {each.when} else -1" for each in events]
+            state.distances = self.function(state, "when", tuple(texts))
+        state.was[...] = math.nan
+        # One function for all events, of which ``which`` is the number.
+        after = []
+        for i in range(state.n):
+            texts = [
+                self.equations.read("then", each.then[i], count).python for each in events
+            ] or ["0.0"]
+            choice = texts[-1]
+            for k in range(len(texts) - 2, -1, -1):
+                choice = f"({texts[k]}) if which < {k + 0.5} else ({choice})"
+            after.append(Expression("", choice, frozenset()))
+        state.jump = function_from(function_text(after, (*PARAMETERS, "which"), "array"))
+
+    def crossings(self, context: BlockContext) -> list[str]:
+        return [each.direction for each in self.list_of_events]
+
+    def guards(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
+        distances: FloatArray = state.distances(t, state.x.tolist(), u, state.constants)
+        return distances
+
+    def event(self, state: BlockState, t: float, which: float, u: tuple[float, ...]) -> None:
+        # All values before any is written: each expression sees the states before the event.
+        after = state.jump(t, state.x.tolist(), u, state.constants, which)
+        for i in range(state.n):
+            state.x[i] = after[i]
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
-        if state.has_event and self.happens(state, t, u):
-            # All values before any is written: each expression sees the states before the event.
-            after = state.jump(t, state.x.tolist(), u, state.constants)
-            for i in range(state.n):
-                state.x[i] = after[i]
-
-    def happens(self, state: BlockState, t: float, u: tuple[float, ...]) -> bool:
-        """Whether the event's condition holds."""
-        return bool(state.condition(t, state.x.tolist(), u, state.constants) != 0.0)
+        for k in range(state.events):
+            distances = state.distances(t, state.x.tolist(), u, state.constants)
+            now = 1.0 if distances[k] > 0.0 else -1.0
+            changes = now * state.was[k] < 0.0
+            if (now > 0.0 and state.directions[k] > 0.0) or (
+                changes and now * state.directions[k] >= 0.0
+            ):
+                self.event(state, t, float(k), u)
+            state.was[k] = now
 
     def couplings(self, context: BlockContext) -> list[set[int]]:
         count = input_count(context)

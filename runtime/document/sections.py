@@ -68,6 +68,7 @@ RUN_KEYS = (
     "rtol",
     "atol",
     "max_step",
+    "events",
     "stop",
 )
 RUN_DOCS = {

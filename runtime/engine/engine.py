@@ -16,6 +16,7 @@ import numpy as np
 from blocks.core import FloatArray, ParameterError
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
+from runtime.engine.events import FOUND, TICK, TIME, decided, noted, opened, proposed
 from runtime.engine.interrupts import stoppable
 from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
@@ -35,15 +36,11 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.solvers import (
-    FOUND,
-    TICK,
-    TIME,
     blend,
     controls,
     joined,
     judged,
     method_of,
-    narrowed,
     refused,
     substep,
 )
@@ -53,13 +50,14 @@ from runtime.engine.values import (
     OutputChecks,
     bad_slope,
     floats,
+    restless,
     sealed,
     unreached,
     wrong_initial,
 )
 from runtime.errors import Problem, SimulationError, UsageError, raised_at
 from runtime.network import Network
-from runtime.plan import Call, Plan, Record, Signal
+from runtime.plan import Call, Integrate, Plan, Record, Signal
 
 # The seconds that ticks run between two looks at signals and progress: more, up to the last number,
 # where the checkpoint before them takes more than a part of this time.
@@ -274,7 +272,7 @@ class Engine:
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
         if self.program.observation.stop is not None:
-            self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
+            self.namespace["stop"] = self.state.stop
         names = self.program.names
         for name, entry in self.network.entries.items():
             self.namespace[names.blocks[name]] = entry.block
@@ -362,9 +360,9 @@ class Engine:
             move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
             **jacobian,
+            **(self._event_names(part) if part.ends_steps else {}),
             "states": self.state.continuous,
             "start": np.zeros(size),
-            "origin": np.zeros(size),
             "slopes": slopes,
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,
@@ -379,6 +377,23 @@ class Engine:
             "judged": judged,
             "refused": refused,
             "unreached": partial(unreached, part, solver.name, control),
+        }
+
+    def _event_names(self, part: Integrate) -> dict[str, Any]:
+        """What the text of a graph refers to whose steps end at events or edges."""
+        arrays = self.state.arrays
+        fired = np.zeros(len(part.directions))
+        return {
+            **{key: arrays[f"run/{key}"] for key in ("search", "sides", "guards", "count")},
+            "directions": np.array(part.directions),
+            "fired": fired,
+            "edges": part.edges,
+            "log": self.recorder.log,
+            "opened": opened,
+            "proposed": proposed,
+            "decided": decided,
+            "noted": noted,
+            "restless": partial(restless, part, fired),
         }
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:

@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from blocks.core import FloatArray, SignalType
+from runtime.engine.events import MAX_EVENTS
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network, state_shape
@@ -151,6 +152,19 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
         f"at t = {t:g} {part.time_unit}; the "
         f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
         slot.block,
+    )
+
+
+def restless(part: Integrate, fired: FloatArray, t: float) -> NoReturn:
+    """Raise the error of events without end in one tick; called by the plan."""
+    first = int(np.flatnonzero(fired)[0])
+    block = next(each.block for each in part.crossings if each.stop > first)
+    raise NotFiniteError(
+        f"more than {MAX_EVENTS} events since the tick, the last at t = {t:g} {part.time_unit}: "
+        "they follow each other ever faster. A switch that undoes itself needs a hysteresis (of a "
+        "Relay, switch_on above switch_off), an event should leave its condition; with "
+        "run: {events: ticks}, each acts at most once a tick",
+        block,
     )
 
 

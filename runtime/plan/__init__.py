@@ -10,33 +10,39 @@ from runtime.plan.building import make_plan
 from runtime.plan.c_text import CText, numbers_in
 from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
-    Argument,
     Call,
-    Gate,
+    Crossing,
     Integrate,
     Load,
     Operation,
     Plan,
-    Port,
     Record,
     Restore,
-    Row,
-    Signal,
-    Slot,
-    Source,
-    StateArray,
     Stop,
     Store,
     Test,
     Zero,
 )
 from runtime.plan.passes import exchanged, signals_of
+from runtime.plan.values import (
+    Argument,
+    Gate,
+    GuardSlot,
+    Port,
+    Row,
+    Signal,
+    Slot,
+    Source,
+    StateArray,
+)
 
 __all__ = [
     "Argument",
     "CText",
     "Call",
+    "Crossing",
     "Gate",
+    "GuardSlot",
     "Integrate",
     "Load",
     "Operation",

@@ -19,16 +19,18 @@ from typing import Any
 from blocks.core import SignalType
 from runtime.network import first_column
 from runtime.plan.operations import (
-    ALWAYS,
-    Argument,
     Call,
-    Gate,
     Operation,
     Restore,
-    Signal,
-    Source,
     Test,
     Zero,
+)
+from runtime.plan.values import (
+    ALWAYS,
+    Argument,
+    Gate,
+    Signal,
+    Source,
 )
 
 
@@ -138,7 +140,7 @@ class CText(ABC):
     def call(self, call: Call) -> None:
         """Call a method."""
         function, given = self.function(call)
-        given += ["t"] if call.takes_time else []
+        given += ["t"] * call.takes_time + ["(double)which"] * call.takes_which
         given += [text for argument in call.arguments for text in self.argument(argument)]
         for signal in call.outputs:
             given += [self.address(Source(signal)), *self.sizes(signal.kind)]

@@ -12,146 +12,26 @@ or count them. Each operation prints as one line. Of a Pulse that feeds an Integ
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from blocks.core import SignalType
+import numpy as np
+
+from blocks.core import FloatArray
 from runtime.document import SECOND
-from runtime.network import Endpoint, columns, component_type
 from runtime.plan.coupling import Coupling
-
-Port = tuple[str, str]  # a block and one of its outputs
-
-
-@dataclass(frozen=True)
-class Signal:
-    """An output of a block, with its type."""
-
-    block: str
-    port: str
-    kind: SignalType
-
-    @property
-    def key(self) -> Port:
-        return self.block, self.port
-
-    def __str__(self) -> str:
-        return f"{self.block}.{self.port}"
-
-
-@dataclass(frozen=True)
-class StateArray:
-    """A declared state of a block, with its shape."""
-
-    block: str
-    name: str
-    shape: tuple[int, ...]
-
-    @property
-    def size(self) -> int:
-        return math.prod(self.shape)
-
-    def __str__(self) -> str:
-        return f"{self.block}.{self.name}"
-
-
-@dataclass(frozen=True)
-class Slot(StateArray):
-    """A continuous state, and where it begins in the row of all continuous states of a graph.
-
-    As what a call writes, it is the state's rate of change.
-    """
-
-    start: int
-
-    @property
-    def stop(self) -> int:
-        return self.start + self.size
-
-    def address(self, column: int) -> str:
-        """The address of one number of the row, as probes write it."""
-        return str(self) + (f".{column - self.start}" if self.shape else "")
-
-    def component(self, column: int) -> str:
-        """The address of one number of the row, for messages."""
-        inside = f"[{column - self.start}]" if self.shape else ""
-        return f"{self.name}{inside}"
-
-
-@dataclass(frozen=True)
-class Source:
-    """What is read: a signal or a state, or a component of it."""
-
-    whole: Signal | StateArray
-    component: str = ""
-
-    @property
-    def kind(self) -> SignalType:
-        """The type of what is read of a signal."""
-        if not isinstance(self.whole, Signal):
-            raise TypeError(f"{self.whole} is a state")
-        end = Endpoint(*self.whole.key, self.component)
-        return component_type(self.whole.kind, end) or self.whole.kind
-
-    @property
-    def columns(self) -> int | slice | None:
-        """The index, or the indices, of the component of a signal."""
-        return columns(self.whole.kind, self.component) if isinstance(self.whole, Signal) else None
-
-    def __str__(self) -> str:
-        inside = f"[{self.component}]" if ":" in self.component else f".{self.component}"
-        return f"{self.whole}{inside}" if self.component else str(self.whole)
-
-
-@dataclass(frozen=True)
-class Argument:
-    """What a method of a block takes for one of its parameters.
-
-    port : an input, or an output of the block itself.
-    kind : the type in which the method takes each source.
-    sources : what is wired to it: one, none if the input is open, any number if it is variadic.
-    default : the value of an open input.
-    """
-
-    block: str
-    port: str
-    kind: SignalType
-    sources: tuple[Source, ...]
-    is_variadic: bool = False
-    default: float = 0.0
-
-    def __str__(self) -> str:
-        texts = ", ".join(map(str, self.sources))
-        if self.is_variadic:
-            return f"({texts})"
-        return texts or f"{self.default:g}"
-
-
-@dataclass(frozen=True)
-class Gate:
-    """When an operation is done.
-
-    every : on each tick that is a multiple of this.
-    switches : outputs that must all be on: those of the parts around a block, the outer ones first.
-    is_off : the other way round: while one of the switches is off.
-    once : before the first tick, and not again.
-    """
-
-    every: int = 1
-    switches: tuple[Signal, ...] = ()
-    is_off: bool = False
-    once: bool = False
-
-    def __str__(self) -> str:
-        names = " and ".join(map(str, self.switches))
-        parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
-        parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
-        return f"  [{', '.join(parts)}]" if parts else ""
-
-
-ALWAYS = Gate()
-Target = Signal | StateArray
+from runtime.plan.values import (
+    ALWAYS,
+    Argument,
+    Gate,
+    GuardSlot,
+    Row,
+    Signal,
+    Slot,
+    Source,
+    StateArray,
+    Target,
+)
 
 
 @dataclass(frozen=True)
@@ -161,6 +41,7 @@ class Call:
     writes : the outputs that it returns, the rates of change that it returns (slots), or the
         states that it may change in place.
     takes_time : whether t is its first argument.
+    takes_which : whether the number of the guard that was met is the next one.
     is_own : whether the block is the user's: what it returns is brought into a signal's form.
     """
 
@@ -171,6 +52,7 @@ class Call:
     gate: Gate = ALWAYS
     takes_time: bool = True
     is_own: bool = False
+    takes_which: bool = False
 
     @cached_property
     def outputs(self) -> tuple[Signal, ...]:
@@ -188,8 +70,10 @@ class Call:
         return [each for each in wholes if isinstance(each, Signal)]
 
     def __str__(self) -> str:
-        given = (["t"] if self.takes_time else []) + list(map(str, self.arguments))
-        outputs = [f"{each}: {each.kind}" for each in self.outputs] + [f"{s}'" for s in self.rates]
+        given = ["t"] * self.takes_time + ["which"] * self.takes_which
+        given += map(str, self.arguments)
+        outputs = [f"{each}: {each.kind}" for each in self.outputs]
+        outputs += [str(s) if isinstance(s, GuardSlot) else f"{s}'" for s in self.rates]
         target = ", ".join(outputs or map(str, self.writes))
         equals = f"{target} = " if target else ""
         return f"call      {equals}{self.block}.{self.method}({', '.join(given)}){self.gate}"
@@ -269,9 +153,9 @@ class Record:
 
 @dataclass(frozen=True)
 class Stop:
-    """End the run if a signal is ``above`` or ``below`` a level, or ``crosses`` it."""
+    """End the run if a signal rises above a level, falls below it, or does either."""
 
-    kind: str
+    direction: float
     level: float
     source: Source
     gate: Gate = ALWAYS
@@ -281,34 +165,32 @@ class Stop:
         return self.source.whole.block
 
     def __str__(self) -> str:
-        return f"stop      if {self.source} {self.kind} {self.level:g}{self.gate}"
+        how = {1.0: "rises above", -1.0: "falls below"}.get(self.direction, "crosses")
+        return f"stop      if {self.source} {how} {self.level:g}{self.gate}"
 
 
 @dataclass(frozen=True)
-class Row:
-    """The row of all continuous states of a graph, which a solver integrates."""
+class Crossing:
+    """Guards of one block: numbers whose sign changes where its events are.
 
-    slots: tuple[Slot, ...] = ()
+    guards : computes them; or a ``Stop``: the distance of its signal from the level is one.
+    start : the first of them in the row of all guards.
+    directions : of each: 1 it rises above zero, -1 it falls to zero or below, 0 both.
+    event : what then happens, called with the number of each guard that was met.
+    """
+
+    guards: Call | Stop
+    start: int
+    directions: tuple[float, ...]
+    event: Call | None = None
 
     @property
-    def size(self) -> int:
-        """The number of continuous states, each component counted."""
-        return self.slots[-1].stop if self.slots else 0
+    def stop(self) -> int:
+        return self.start + len(self.directions)
 
-    @cached_property
-    def by_block(self) -> dict[str, tuple[Slot, ...]]:
-        """The slots of each block that has some."""
-        found: dict[str, tuple[Slot, ...]] = {}
-        for slot in self.slots:
-            found[slot.block] = (*found.get(slot.block, ()), slot)
-        return found
-
-    def of(self, block: str) -> tuple[Slot, ...]:
-        return self.by_block.get(block, ())
-
-    def at(self, column: int) -> Slot:
-        """The slot of a number of the row."""
-        return next(slot for slot in self.slots if slot.start <= column < slot.stop)
+    @property
+    def block(self) -> str:
+        return "" if isinstance(self.guards, Stop) else self.guards.block
 
 
 @dataclass(frozen=True)
@@ -318,7 +200,10 @@ class Integrate:
     stage : what the solver repeats at each stage, at times between the ticks: outputs that may
         change there, and derivatives.
     projections : calls after each step that bring states back to where they are valid.
-    stop : ends the run between two ticks; before it is tested, ``watch`` computes its signal.
+    crossings : events between two ticks: each step ends at the first one, by time and then by
+        block. ``watch`` computes what their guards and actions read, ``after`` what changes where
+        one happened. ``edges`` are the times of a run at which sources jump, off the ticks, then
+        infinity. ``log`` is the number of events that are recorded at most.
     coupling : which rate depends on which state, for a solver that needs the Jacobian.
     """
 
@@ -326,11 +211,14 @@ class Integrate:
     solver: str
     stage: tuple[Operation, ...]
     projections: tuple[Call, ...] = ()
+    crossings: tuple[Crossing, ...] = ()
     watch: tuple[Operation, ...] = ()
-    stop: Stop | None = None
+    after: tuple[Operation, ...] = ()
     time_unit: str = SECOND
     gate: Gate = ALWAYS
     coupling: Coupling | None = field(default=None, compare=False, repr=False)
+    edges: FloatArray = field(default_factory=lambda: np.empty(0), compare=False, repr=False)
+    log: int = 0
 
     @property
     def block(self) -> str:
@@ -343,16 +231,36 @@ class Integrate:
         return 0 if self.coupling is None else self.coupling.count
 
     @property
+    def ends_steps(self) -> bool:
+        """Whether steps end at events, or at edges of sources."""
+        return bool(self.crossings or len(self.edges))
+
+    @property
+    def directions(self) -> tuple[float, ...]:
+        """Of all guards."""
+        return tuple(each for crossing in self.crossings for each in crossing.directions)
+
+    @cached_property
+    def between(self) -> tuple[Operation, ...]:
+        """All that is done between two ticks."""
+        guards = tuple(each.guards for each in self.crossings)
+        events = tuple(each.event for each in self.crossings if each.event is not None)
+        return (*self.stage, *self.projections, *self.watch, *guards, *events, *self.after)
+
+    @property
     def blocks(self) -> set[str]:
         """The blocks that are called."""
-        inside = (*self.stage, *self.projections, *self.watch)
-        return {each.block for each in inside if isinstance(each, Call)}
+        return {each.block for each in self.between if isinstance(each, Call)}
 
     def __str__(self) -> str:
         lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
         lines += [f"  {each}" for each in (*self.stage, *self.projections)]
-        if self.stop is not None:
-            lines += ["until", *(f"  {each}" for each in (*self.watch, self.stop))]
+        if self.crossings:
+            lines += ["until", *(f"  {each}" for each in self.watch)]
+            lines += [f"  {each.guards}" for each in self.crossings]
+        if self.ends_steps:
+            lines += [f"  {each.event}" for each in self.crossings if each.event is not None]
+            lines += ["then", *(f"  {each}" for each in self.after)] if self.after else []
         return "\n".join(lines)
 
 
@@ -433,7 +341,9 @@ class Plan:
     @property
     def can_stop(self) -> bool:
         """Whether a condition may end a run early."""
-        return any(isinstance(each, Stop) for each in self.operations)
+        crossings = () if self.integration is None else self.integration.crossings
+        guards = (each.guards for each in crossings)
+        return any(isinstance(each, Stop) for each in (*self.operations, *guards))
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.operations))

@@ -11,18 +11,20 @@ from dataclasses import replace
 from runtime.plan.coupling import Columns
 from runtime.plan.operations import (
     Call,
-    Gate,
     Integrate,
     Load,
     Operation,
-    Port,
     Record,
-    Row,
-    Signal,
     Stop,
     Store,
     Test,
     Zero,
+)
+from runtime.plan.values import (
+    Gate,
+    Port,
+    Row,
+    Signal,
 )
 
 
@@ -40,8 +42,7 @@ def signals_of(operations: Iterable[Operation]) -> set[Port]:
         elif isinstance(each, (Load, Store)):
             values += each.signals
         elif isinstance(each, Integrate):
-            found |= signals_of((*each.stage, *each.projections, *each.watch))
-            values += [] if each.stop is None else [each.stop.source.whole]
+            found |= signals_of(each.between)
         found |= {value.key for value in values if isinstance(value, Signal)}
     return found
 
@@ -60,8 +61,11 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
     done: list[Operation] = []
     for each in operations:
         if isinstance(each, Integrate):
-            calls = [call for call in (*each.stage, *each.watch) if isinstance(call, Call)]
-            done.append(replace(each, stage=_stored(each.stage), watch=_stored(each.watch)))
+            calls = [call for call in each.between if isinstance(call, Call)]
+            stops = [c.guards.source.whole for c in each.crossings if isinstance(c.guards, Stop)]
+            loads += [whole for whole in stops if isinstance(whole, Signal)]
+            stage, watch, after = map(_stored, (each.stage, each.watch, each.after))
+            done.append(replace(each, stage=stage, watch=watch, after=after))
         else:
             calls = [each] if isinstance(each, Call) else []
             done.append(each)

@@ -41,7 +41,7 @@ class DriverText(PythonText):
         """
         rates = sorted({operations[0].gate.every for operations in called})
         self.leave = "return"
-        halted = " and not stop[2]" if self.plan.can_stop else ""
+        halted = " and not stop[0]" if self.plan.can_stop else ""
         self.line(0, "def drive(first, last):")
         self.line(1, "k = first")
         self.line(1, f"while k < last{halted}:")
@@ -55,7 +55,7 @@ class DriverText(PythonText):
         for number, operations in enumerate(called):
             self.line(2, f"run(k, k + 1, {number}, {number + 1})")
             if self.plan.can_stop:
-                self.line(2, "if stop[2]:")
+                self.line(2, "if stop[0]:")
                 self.line(3, self.leave)
             self.rate = 0
             self.operations(exchanged(operations))
