@@ -385,7 +385,7 @@ class Engine:
         fired = np.zeros(len(part.directions))
         return {
             **{key: arrays[f"run/{key}"] for key in ("search", "sides", "guards", "count")},
-            "directions": np.array(part.directions),
+            "directions": np.where(part.directions > 1.0, 0.0, part.directions),
             "fired": fired,
             "edges": part.edges,
             "log": self.recorder.log,

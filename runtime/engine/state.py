@@ -100,7 +100,7 @@ class RunState:
         part = self.program.plan.integration
         if part is not None and part.ends_steps:
             self.arrays["run/search"] = np.zeros(SEARCH)
-            self.arrays["run/sides"] = np.full(len(part.directions), UNKNOWN)
+            self.arrays["run/sides"] = np.where(part.directions > 1.0, -1.0, UNKNOWN)
             self.arrays["run/guards"] = np.zeros(len(part.directions))
             self.arrays["run/count"] = np.zeros(1)
         self.blocks = {name: self._block(name) for name in entries}

@@ -16,7 +16,9 @@ from runtime.errors import GraphError, Problem
 from runtime.network import Network, Wire
 from runtime.plan.values import Port, Signal
 
-DIRECTIONS = {"rising": 1.0, "falling": -1.0, "either": 0.0}
+# "level" is either direction, and the start if the guard is above zero there.
+LEVEL = 3.0
+DIRECTIONS = {"rising": 1.0, "falling": -1.0, "either": 0.0, "level": LEVEL}
 MOST_EDGES = 10_000_000
 # A time within this share of a tick is the tick's.
 ON_TICK = 1e-9

@@ -236,9 +236,9 @@ class Integrate:
         return bool(self.crossings or len(self.edges))
 
     @property
-    def directions(self) -> tuple[float, ...]:
-        """Of all guards."""
-        return tuple(each for crossing in self.crossings for each in crossing.directions)
+    def directions(self) -> FloatArray:
+        """Of all guards; 3 is met in both directions, and at the start."""
+        return np.array([each for crossing in self.crossings for each in crossing.directions])
 
     @cached_property
     def between(self) -> tuple[Operation, ...]:
