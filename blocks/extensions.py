@@ -12,10 +12,11 @@ of which those of packages are imported one by one, when they are asked for::
 
 from __future__ import annotations
 
+import importlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 if TYPE_CHECKING:
@@ -100,10 +101,17 @@ class Registry(dict[str, T]):
         if name not in self.lazy and self._read is not _installed():
             self._loaded, self._read = {}, _installed()
         if name not in self._loaded:
-            offer = self._lazy(name) if name in self.lazy else self.offers().get(name)
-            if offer is None:
+            if value := self.lazy.get(name):
+                # Not as an entry point: importlib.metadata takes longer than most of our modules.
+                own = partial(_object, value)
+                self._loaded[name] = self._load(f"'{name}' of package spikeblocks: {value}", own)
+            elif offer := self.offers().get(name):
+                loaded = self._load(f"{offer}: {offer.point.value}", offer.point.load)
+                self._loaded[name] = loaded
+                if not isinstance(loaded, BrokenPackageError):
+                    self._named.append((name, loaded))
+            else:
                 return None
-            self._loaded[name] = self._load(offer)
         found = self._loaded[name]
         if isinstance(found, BrokenPackageError):
             raise found
@@ -184,18 +192,24 @@ class Registry(dict[str, T]):
                 reason = f"{first[point.name]} has that name, too"
             yield Offer(package, point, reason)
 
-    def _load(self, offer: Offer) -> T | BrokenPackageError:
+    def _load(self, what: str, load: Callable[[], Any]) -> T | BrokenPackageError:
         try:
-            found: Any = offer.point.load()
+            found: Any = load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- a package may raise anything
             reason = f"cannot be imported: {type(error).__name__}: {error}"
         else:
             if self.accepts(found):
                 entry: T = found
-                self._named.append((offer.point.name, entry))
                 return entry
             reason = f"is not {self.wanted}"
-        return BrokenPackageError(f"{offer}: {offer.point.value} {reason}")
+        return BrokenPackageError(f"{what} {reason}")
+
+
+def _object(value: str) -> Any:
+    """What ``module`` or ``module:attribute`` names."""
+    module, _, attribute = value.partition(":")
+    found = importlib.import_module(module)
+    return getattr(found, attribute) if attribute else found
 
 
 @dataclass(frozen=True)

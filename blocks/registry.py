@@ -2,57 +2,44 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import linecache
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from types import ModuleType
 from typing import TypeVar
 
-from blocks import (
-    control,
-    dynamics,
-    generic,
-    mujoco,
-    neural,
-    nonlinear,
-    plants,
-    sources,
-    vehicle,
-    wall_fitting,
-    world,
-)
 from blocks.core import Block, SignalType, Variant
 from blocks.extensions import Registry
+from blocks.index import TYPES
 
 _T = TypeVar("_T")
 # A module is registered before its code has run: other threads must not see it until then.
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
-ROOMS = (
-    control,
-    neural,
-    world,
-    wall_fitting,
-    vehicle,
-    sources,
-    generic,
-    dynamics,
-    nonlinear,
-    plants,
-    mujoco,
-)
-BUILTIN: Mapping[str, type[Block]] = {
-    name: value
-    for room in ROOMS
-    for name in room.__all__
-    if isinstance(value := getattr(room, name), type) and issubclass(value, Block)
-}
+
+class _Library(Mapping[str, type[Block]]):
+    """The library's types by name; each is imported when it is looked up."""
+
+    def __getitem__(self, name: str) -> type[Block]:
+        found: type[Block] = getattr(importlib.import_module(f"blocks.{TYPES[name]}"), name)
+        return found
+
+    def __contains__(self, name: object) -> bool:
+        return name in TYPES
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(TYPES)
+
+    def __len__(self) -> int:
+        return len(TYPES)
+
+
+BUILTIN: Mapping[str, type[Block]] = _Library()
 
 
 def is_built_in(cls: type[Block]) -> bool:
@@ -62,7 +49,9 @@ def is_built_in(cls: type[Block]) -> bool:
 
 # Those of installed packages as well.
 BLOCKS: Registry[type[Block]] = Registry(
-    "blocks", Block, "a subclass of Block", own=BUILTIN, classes=True
+    *("blocks", Block, "a subclass of Block"),
+    lazy={name: f"blocks.{module}:{name}" for name, module in TYPES.items()},
+    classes=True,
 )
 
 
@@ -148,6 +137,8 @@ def _module(file: FilePath) -> ModuleType:
 
 
 def _loaded(file: FilePath) -> ModuleType:
+    import hashlib
+
     data, where = file.read_bytes(), str(file.resolve())
     digest = hashlib.sha256(where.encode("utf-8", "backslashreplace") + b"\0" + data)
     name = f"_blocks_of_{file.stem}_{digest.hexdigest()[:16]}"

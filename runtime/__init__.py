@@ -33,7 +33,7 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.lazy import importer
+from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.checking import CheckError, NotCompiledWarning, check_block
@@ -45,9 +45,12 @@ if TYPE_CHECKING:
         UsageError,
     )
     from runtime.experiments import AblationTable, SweepTable, TuningTable, ablate, sweep, tune
+    from runtime.fitting import Fit, fit
     from runtime.graph import Graph, load
     from runtime.runs import Result
     from runtime.runs import open_run as open
+else:
+    __getattr__ = door(__name__)
 
 PACKAGE = str(Path(__file__).parents[1])
 
@@ -70,6 +73,7 @@ _check_blocks()
 __all__ = [
     "AblationTable",
     "CheckError",
+    "Fit",
     "Graph",
     "GraphError",
     "MissingExtraError",
@@ -82,29 +86,12 @@ __all__ = [
     "UsageError",
     "ablate",
     "check_block",
+    "fit",
     "load",
     "open",
     "sweep",
     "tune",
 ]
-
-_ERRORS = ("GraphError", "MissingExtraError", "SimulationError", "SpikeblocksError", "UsageError")
-
-__getattr__ = importer(
-    __name__,
-    {
-        "Graph": "runtime.graph",
-        "load": "runtime.graph",
-        "Result": "runtime.runs",
-        "open": "runtime.runs:open_run",
-        **dict.fromkeys(
-            ("AblationTable", "SweepTable", "TuningTable", "ablate", "sweep", "tune"),
-            "runtime.experiments",
-        ),
-        **dict.fromkeys(("CheckError", "NotCompiledWarning", "check_block"), "runtime.checking"),
-        **dict.fromkeys(_ERRORS, "runtime.errors"),
-    },
-)
 
 
 def __dir__() -> list[str]:

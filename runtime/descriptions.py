@@ -40,6 +40,8 @@ def own_blocks(file: str) -> dict[str, type[Block]]:
     """
     try:
         return blocks_of_module(Path(file))
+    except OSError as error:
+        raise UsageError(f"cannot read '{file}': {error.strerror or error}") from None
     except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
         raise UsageError(f"cannot load '{file}': {type(error).__name__}: {error}") from None
 

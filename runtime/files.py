@@ -10,13 +10,11 @@ data whose form is known::
 from __future__ import annotations
 
 import errno
-import hashlib
 import importlib
 import json
 import math
 import os
 import re
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -44,6 +42,8 @@ def slug(text: str, otherwise: str = "graph") -> str:
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or otherwise
     if len(name) <= NAME_BYTES:
         return name
+    import hashlib  # and with it OpenSSL
+
     digest = hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:8]
     return f"{name[: NAME_BYTES - 9]}-{digest}"
 
@@ -124,7 +124,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     # Beside it, since a rename is atomic only within one file system.
-    partial = path.with_name(f".{secrets.token_hex(6)}.partial")
+    partial = path.with_name(f".{os.urandom(6).hex()}.partial")
     try:
         partial.write_bytes(data)
         partial.replace(path)
@@ -220,6 +220,8 @@ def _plain(value: Any) -> Any:
 
 def sha256(path: Path) -> str:
     """The SHA-256 hash of a file of any size."""
+    import hashlib
+
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -234,7 +236,7 @@ def remove_tree(folder: Path) -> None:
 def point_link(link: Path, target: str) -> None:
     """Point a link at a folder beside it; does nothing where links are not supported."""
     # Made beside and renamed over the old one, so that `latest` exists at any moment.
-    fresh = link.parent / f".{link.name}-{secrets.token_hex(3)}"
+    fresh = link.parent / f".{link.name}-{os.urandom(3).hex()}"
     try:
         fresh.symlink_to(target, target_is_directory=True)
         fresh.replace(link)

@@ -187,6 +187,7 @@ def test_the_plot_of_the_how_to_is_valid() -> None:
     assert graph.check().observation.plots[1].options["labels"] == ["e_p", "e_θ"]
 
 
+@pytest.mark.slow
 def test_what_the_how_to_learns_works_without_learning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,6 +222,7 @@ def commands(page: str) -> list[tuple[str, int, list[str]]]:
 SHORT = {"run": "--until=1.5", "ablate": "--until=1.5", "sweep": "--until=1.5"}
 
 
+@pytest.mark.slow
 def test_every_command_of_the_how_to_runs(cli: Run) -> None:
     """Shortened; those of the tutorial, with what they print, are run by the slow test below."""
     for command, code, _ in commands("how-to.md"):

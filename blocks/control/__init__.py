@@ -1,11 +1,20 @@
 """Paths, the tracking error about them, and the controllers that reduce it."""
 
-from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
-from blocks.control.lqr import LQR
-from blocks.control.mpc import MPC
-from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
-from blocks.control.trackers import PathPID, PurePursuit, Stanley
-from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
+    from blocks.control.lqr import LQR
+    from blocks.control.mpc import MPC
+    from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
+    from blocks.control.trackers import PathPID, PurePursuit, Stanley
+    from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "LQI",

@@ -5,7 +5,6 @@ from blocks.core.block import (
     Block,
     BlockContext,
     BlockState,
-    DeclarationError,
     Evaluation,
     Input,
     Output,
@@ -20,13 +19,15 @@ from blocks.core.elementwise import (
     piece,
     spread_to,
 )
-from blocks.core.expression_reader import ExpressionError, parsed
+from blocks.core.equations import Equations, items, value_type, width_of, wrong_size
+from blocks.core.expression_arrays import ARRAYS, CREATION
+from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
-    Expression,
+    Expressions,
     expression_function,
     function_from,
     function_text,
-    read_expression,
+    read_expressions,
     signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
@@ -44,9 +45,11 @@ from blocks.core.matrices import (
     times,
     transposed,
 )
+from blocks.core.names import Constants, Definitions, Names
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
+    DeclarationError,
     Param,
     ParameterError,
     as_matrix,
@@ -58,7 +61,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import RESERVED, modulo, nearest, wrap
+from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, misnamed, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -86,23 +89,30 @@ from blocks.core.signals import (
 from blocks.core.variants import Variant
 
 __all__ = [
+    "ARRAYS",
+    "CONSTANTS",
+    "CREATION",
+    "FUNCTIONS",
     "REQUIRED",
-    "RESERVED",
     "TYPES",
     "Block",
     "BlockContext",
     "BlockSpec",
     "BlockState",
     "BoolArray",
+    "Constants",
     "DeclarationError",
+    "Definitions",
     "Elementwise",
+    "Equations",
     "Evaluation",
-    "Expression",
     "ExpressionError",
+    "Expressions",
     "FloatArray",
     "Input",
     "IntArray",
     "MissingPackageError",
+    "Names",
     "Options",
     "Output",
     "Param",
@@ -144,10 +154,12 @@ __all__ = [
     "function_text",
     "has_kernels",
     "hint",
+    "items",
     "kernel_for",
     "kernel_of",
     "kron",
     "maybe_degrees",
+    "misnamed",
     "modulo",
     "nearest",
     "param",
@@ -157,7 +169,7 @@ __all__ = [
     "plain",
     "portable",
     "product",
-    "read_expression",
+    "read_expressions",
     "require",
     "show",
     "signal_type",
@@ -170,5 +182,8 @@ __all__ = [
     "spread_to",
     "times",
     "transposed",
+    "value_type",
+    "width_of",
     "wrap",
+    "wrong_size",
 ]

@@ -62,8 +62,7 @@ zero while a condition holds, and what happens where one changes its sign::
   the block. Integration restarts there.
 * Outputs of a block with guards and without continuous states hold from event to event, unless it
   ``follows``: then a guard is a corner, at which a step ends.
-* ``update`` is not called where events are located: it is what a block does instead where signals
-  change on ticks alone, or the graph says ``run: {events: ticks}``.
+* A block with continuous states has an ``update`` for ``run: {events: ticks}`` alone, then.
 * ``edges(until)`` of a source are the times at which its output jumps or bends; steps end there.
 
 A block is immutable: everything that
@@ -72,16 +71,16 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
+from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
-from blocks.core.params import ParameterError, as_matrix, plain, show
+from blocks.core.params import DeclarationError, ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import FloatArray, PortType, SignalType
@@ -91,7 +90,6 @@ __all__ = [
     "BlockContext",
     "BlockSpec",
     "BlockState",
-    "DeclarationError",
     "Evaluation",
     "Input",
     "Output",
@@ -127,6 +125,23 @@ class BlockContext:
     moving: tuple[str, ...] = ()
     located: bool = False
     wired: frozenset[str] = frozenset()
+
+    def count(self, port: str) -> int:
+        """The number of terms of a variadic input whose terms are told apart by their places.
+
+        Raises
+        ------
+        ParameterError : one is not connected, which would shift those after it.
+        """
+        flags = self.terms[port]
+        if not all(flags):
+            place = f"{port}[{flags.index(False)}]"
+            message = f"the block that was wired to {place} is removed, which would shift the "
+            message += (
+                "components after it; wire another signal there, or remove this block as well"
+            )
+            raise ParameterError([(port, message)])
+        return len(flags)
 
 
 class BlockState:
@@ -192,9 +207,7 @@ class Block:
             own_variables=cls.variables is not Block.variables,
         )
         if cls.spec.event is not None and cls.spec.guards is None:
-            raise DeclarationError(
-                f"{cls.__name__}.event: there are no guards(self, state, t, ...)"
-            )
+            raise DeclarationError(f"{cls.__name__}.event: there are no guards(self, state, t)")
         if cls.spec.guards is not None and cls.crossings is Block.crossings:
             message = "guards need crossings(self, context), the direction of each"
             raise DeclarationError(f"{cls.__name__}.guards: {message}")
@@ -206,7 +219,7 @@ class Block:
             written = f"{type(self).__name__}({name}={value!r})"
             text = f"parameters are given by name, as in {written}" if name else "has no parameter"
             problems.append((name or "value", text))
-        # All at once, the unknown ones included: a user mends a graph in one go.
+        # All at once, the unknown ones included: a user then corrects a graph in one go.
         problems += [
             (name, f"unknown parameter{hint(name, known) or alternatives(known)}")
             for name in sorted(values.keys() - known.keys())
@@ -364,6 +377,31 @@ class Block:
         An implicit solver calls a block less often, the fewer they are.
         """
         return None
+
+    def stack_key(self, context: BlockContext) -> Hashable:
+        """What blocks share that :meth:`stacked` computes together; None: each is called alone."""
+        return None
+
+    @classmethod
+    def stacked(
+        cls,
+        blocks: Sequence[Any],
+        states: Sequence[BlockState],
+        arrays: Mapping[str, FloatArray],
+    ) -> Any:
+        """An object that does in one call what ``output`` and ``update`` of several blocks do, with
+        the same bits; made after all have started.
+
+        Parameters
+        ----------
+        blocks : of this class, with equal keys, types of ports and shapes of states.
+        arrays : their states, a row per block: what each block has of them is a view of its row.
+
+        Its methods take t and, for each port, the values of all blocks in order: of numbers a
+        tuple, of arrays one flat array, of a variadic port a tuple of flat arrays, with zeros for
+        blocks with fewer wires. An output is a new array with a row per block.
+        """
+        raise NotImplementedError
 
     # Any: the type of a parameter is known to its annotation, not to its name.
     def value(self, name: str) -> Any:

@@ -38,6 +38,10 @@ _COMMA = re.compile(r"([-+]?\d+),(\d+)", re.ASCII)
 ArrayShape = tuple[int | str | None, ...]
 
 
+class DeclarationError(TypeError):
+    """A block class is inconsistent; the message names the class and what to change."""
+
+
 class ParameterError(ValueError):
     """One or more parameters are unknown, missing, of the wrong type or out of bounds.
 
@@ -85,7 +89,7 @@ class Param:
         if self.choices and self.kind != "array":
             return "one of " + ", ".join(self.choices)
         if self.setting is not None:
-            return f"{self.setting.expected} {self.unit}".strip()
+            return f"{self.setting.expected} in {self.unit}".removesuffix(" in ")
         if self.kind == "array":
             known: dict[Any, Any] = dict(sizes or {})
             # Two open lengths need not be equal.
@@ -118,7 +122,10 @@ class Param:
             )
             if value is not None
         ]
-        text = " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
+        limits = " and ".join(bounds)
+        if not limits and self.unit:
+            limits = "in"  # "a number in m", but "a number above 0 m"
+        text = " ".join([noun, limits, self.unit]).replace("  ", " ").strip()
         return ", or ".join([text, *self.choices])
 
     def bound(self, name: str, kind: ParamKind | type[Setting]) -> Param:
@@ -204,7 +211,7 @@ class Param:
 def param(
     default: object = REQUIRED,
     *,
-    doc: str,
+    doc: str | None = None,
     unit: str = "",
     above: float | None = None,
     at_least: float | None = None,
@@ -224,12 +231,18 @@ def param(
     unit : SI unit, as plots and messages print it; one per column, as in ``m, m, rad``. Where it
         begins with rad, graphs may write degrees: ``90deg``, ``30deg/s``.
     above, at_least, below, at_most : bounds; of every element, for an array.
-    choices : the allowed texts; those of an array stand in place of its numbers.
+    choices : the allowed strings; those of an array stand in place of its numbers.
     shape : an array's shape, or several allowed ones; a string is the size given by the integer
         parameter of that name, None any size.
     finite : False accepts ``inf``.
     name : the name in graphs, if it differs from the attribute's.
+
+    Raises
+    ------
+    DeclarationError : there is no ``doc``, which messages, docs and editors show.
     """
+    if doc is None:
+        raise DeclarationError("param() needs a line of documentation: param(1.0, doc='the gain')")
     shapes: tuple[ArrayShape, ...] = ()
     if shape:
         nested = isinstance(shape, list) or isinstance(shape[0], tuple)
@@ -250,9 +263,9 @@ def param(
 
 
 def in_radians(value: Any, units: Sequence[str]) -> Any:
-    """A value with texts such as ``90deg`` converted to radians, where the unit is radians.
+    """A value with strings such as ``90deg`` converted to radians, where the unit is radians.
 
-    ``units`` are one for all numbers, or one per item of the list; other texts stay unchanged.
+    ``units`` are one for all numbers, or one per item of the list; other strings stay unchanged.
     """
     if isinstance(value, str) and len(units) == 1 and units[0].startswith("rad"):
         match = _DEGREES.fullmatch(value.strip())
@@ -303,7 +316,7 @@ def show(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         text = value if len(value) <= 40 else value[:37] + "..."
-        return f"the text '{text}'"
+        return f"the string '{text}'"
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, np.ndarray):

@@ -9,14 +9,16 @@ from collections.abc import Container, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
+from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import hint
-from blocks.core.params import KINDS, Param, ParamKind, param
+from blocks.core.params import KINDS, DeclarationError, Param, ParamKind, param
 from blocks.core.settings import Setting
 from blocks.core.signals import Same, Scalar, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
+# The first arguments of a method, which an input of that name could not be told from.
+RESERVED_INPUTS = ("self", "state", "t")
 RESERVED_STATES = ("context", "dt", "seed", "rng", "published", "_declared")
 
 
@@ -135,6 +137,11 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
             raise DeclarationError(f"{label}: '{name}' is reserved in graphs; rename it")
         key = f"parameter {name}"
     else:
+        if kind is Input and name in RESERVED_INPUTS:
+            raise DeclarationError(
+                f"{label}: '{name}' is an argument of every method (self, state, t, ...), so an "
+                "input cannot be named so; rename it"
+            )
         if kind is State and name in RESERVED_STATES:
             raise DeclarationError(f"{label}: '{name}' is reserved in states; rename it")
         key = name

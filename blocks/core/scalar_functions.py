@@ -7,10 +7,13 @@ types, so that both engines compute the same bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from keyword import iskeyword
 from typing import Any
 
 import numpy as np
+
+from blocks.core.matrices import determinant, small_product, solution
 
 # From here on all floats are integers.
 INTEGERS = 2.0**52
@@ -220,8 +223,6 @@ FUNCTIONS: Mapping[str, tuple[str, int | None]] = {
     **{"min": ("lesser", None), "max": ("greater", None)},
 }
 CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
-# Functions of all components of a vector.
-VECTORS = ("sum", "mean", "norm", "min", "max")
 ALIASES = {
     **{"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "ln": "log"},
     **{
@@ -239,10 +240,32 @@ _HELPERS: tuple[Callable[..., float], ...] = (
     *(real_acos, real_acosh, real_atanh, real_sin, real_cos, real_tan, real_sinh, real_cosh),
     *(real_expm1, real_gamma, real_lgamma, real_pow),
 )
-# Names that mean something in every expression.
-RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, *VECTORS])
 SCOPE: Mapping[str, Any] = {
     "math": math,
     "np": np,
-    **{helper.__name__: helper for helper in _HELPERS},
+    **{helper.__name__: helper for helper in (*_HELPERS, determinant, small_product, solution)},
 }
+
+
+def misnamed(
+    names: Iterable[str], variables: Mapping[str, str], others: Iterable[str] = ()
+) -> Iterator[tuple[str, str]]:
+    """Names that a block cannot add to its expressions, each with the reason.
+
+    Parameters
+    ----------
+    variables : names that its expressions have, with what they are: {"u": "the inputs"}.
+    others : names that were added before.
+    """
+    seen = set(others)
+    meanings = {name: f"the number {value:.4g}" for name, value in CONSTANTS.items()}
+    meanings |= dict.fromkeys([*FUNCTIONS, "sum", "mean", "norm"], "a function")
+    meanings |= {"t": "the time", **variables}
+    for name in names:
+        if not (name.isidentifier() and name.isascii()) or iskeyword(name):
+            yield name, f"'{name}' is not a valid name; use letters, digits and _"
+        elif name in meanings:
+            yield name, f"'{name}' is {meanings[name]} in every expression; choose another name"
+        elif name in seen:
+            yield name, f"the name '{name}' is given twice"
+        seen.add(name)

@@ -119,7 +119,7 @@ class Delay(_Ring):
 
     delay: float = param(unit="s", above=0.0, doc="by how much, at least one step")
 
-    ring = State("rows", like="out", doc="the last inputs, one row per tick")
+    ring = State("rows", like="out", ring="head", doc="the last inputs, one row per tick")
     head = State(1, doc="how many inputs were written")
     latest = State(1, unit="s", doc="the time of the last of them")
 
@@ -249,7 +249,7 @@ class MovingAverage(_Ring):
 
     samples: int = param(at_least=1, doc="how many values count")
 
-    ring = State("rows", like="out", doc="the last inputs, one row per tick")
+    ring = State("rows", like="out", ring="head", doc="the last inputs, one row per tick")
     head = State(1, doc="how many inputs were written")
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:

@@ -3,55 +3,47 @@
 from __future__ import annotations
 
 import math
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from blocks.core import (
-    Block,
     BlockContext,
     BlockState,
-    Expression,
+    Equations,
+    Expressions,
     FloatArray,
-    Input,
+    Names,
     Output,
     ParameterError,
     Same,
-    Scalar,
     SignalType,
     State,
-    Vector,
     function_from,
     function_text,
+    items,
     param,
     signed_distance,
+    value_type,
+    width_of,
+    wrong_size,
 )
-from blocks.dynamics.equations import PARAMETERS, Equations, input_count
 from blocks.dynamics.events import Happening, Happenings
 
 SIGNS = {"rising": 1.0, "falling": -1.0, "either": 0.0}
 
 
-class _System(Block, ABC):
+class _System(Equations, ABC):
     """States whose equations are expressions of them, of inputs and of the time."""
 
-    inputs = Input(
-        Scalar,
-        variadic=True,
-        spread="inputs",
-        name="u",
-        doc="any signals; their components in order are u[0], u[1], ...",
-    )
     out = Output(Same("T"), doc="the states, or what output says")
 
     initial: FloatArray = param(shape=[(), (None,)], doc="the states at the start")
-    states: tuple[str, ...] | None = param(None, doc="names of the states: [x, v]")
-    constants: Mapping[str, float] | None = param(
-        None, doc="names that the expressions use, with their values: {k: 2.5}"
+    states: Names | None = param(
+        None, doc="names of the states: [x, v], or with units: {x: m, v: m/s}"
     )
     results: tuple[str, ...] | None = param(
         None,
@@ -59,55 +51,71 @@ class _System(Block, ABC):
         doc="what out is, in states and inputs; default: the states",
     )
     kind: SignalType | None = param(
-        None, name="signal", doc="the output's type; default Scalar, or Vector for several values"
+        None,
+        name="signal",
+        doc="the output's type, or names and units of its components: {x: m, f: N}",
     )
+    arguments: ClassVar[tuple[str, ...]] = ("t", "x", "u", "c")
 
     @property
     @abstractmethod
-    def changes(self) -> tuple[str, ...]:
-        """One expression per state, for how it changes."""
+    def written(self) -> dict[str, tuple[str, ...]]:
+        """The expressions by parameter, those first that say how the states change."""
 
-    @property
-    @abstractmethod
-    def written(self) -> list[tuple[str, str]]:
-        """All expressions, each with its parameter."""
+    def own_names(self) -> dict[str, Any]:
+        parts = [f"x[{i}]" for i in range(self.initial.size)]
+        return {"x": parts, **(self.states.of(parts) if self.states else {})}
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": self.initial.size} if "initial" in self.__dict__ else {}
 
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong, apart from the expressions."""
         problems = []
-        count = len(self.changes)
-        if self.initial.size != count:
-            message = f"expected {count} number(s), one per state, got {self.initial.size}"
-            problems.append(("initial", message))
-        problems += self.equations.problems()
-        if self.resolved.symbol or self.resolved.shape != (
-            () if self.width == 1 else (self.width,)
-        ):
-            problems.append(("signal", f"expected a type of {self.width} components"))
-        return problems
+        if self.states is not None and self.states.size != self.initial.size:
+            got = f"{self.initial.size} name(s), one per state, got {self.states.size}"
+            problems.append(("states", f"expected {got}"))
+        return problems or self.name_problems({}, self.states or ())
 
     def validate(self) -> None:
         problems = self.problems()
+        if not problems:
+            self._check(None)
+            if self.results is None and width_of(self.resolved) != self.initial.size:
+                problems = [("signal", f"expected a type of {self.initial.size} components")]
         if problems:
             raise ParameterError(problems)
-        self.equations.check(self.written)
 
     def validate_in(self, context: BlockContext) -> None:
-        self.equations.check(self.written, input_count(context))
+        self._check(self.input_count(context))
 
-    @property
-    def equations(self) -> Equations:
-        return Equations(len(self.changes), self.states or (), self.constants or {})
-
-    @property
-    def width(self) -> int:
-        return len(self.changes if self.results is None else self.results)
+    def _check(self, count: int | None) -> None:
+        """Check all expressions with so many components in u; None as far as they are known."""
+        n, written = self.initial.size, self.written
+        problems = []
+        for name, got in self.sizes_of(written, count).items():
+            if name == "output" and got != width_of(self.resolved):
+                problems.append(("signal", f"expected a type of {got} components"))
+            elif name.endswith("when") and got != 1:
+                problems.append((name, f"expected a condition, got {got} components"))
+            elif name == next(iter(written)) and got != n:
+                problems.append(("initial", f"expected {got} number(s), one per state, got {n}"))
+            elif not name.endswith(("output", "when")) and got != n:
+                problems.append((name, wrong_size(written[name], n, got, "state")))
+        if problems:
+            raise ParameterError(problems)
 
     @cached_property
+    def _width(self) -> int:
+        if self.results is None:
+            return self.initial.size
+        return self.width("output", self.results)
+
+    @property
     def resolved(self) -> SignalType:
         """The output's type."""
-        kind = self.kind or (Scalar if self.width == 1 else Vector(self.width))
-        return kind.sized(self.width) if kind.symbol else kind
+        rows = self.states.rows if self.states and self.results is None else ()
+        return value_type(self.kind, self._width, rows)
 
     @property
     def variables(self) -> dict[str, SignalType]:
@@ -115,31 +123,29 @@ class _System(Block, ABC):
 
     @property
     def indirect(self) -> tuple[str, ...]:
-        # By the word u and not by the tree: this is asked before the inputs are known.
-        named = any(re.search(r"\bu\b", text) for text in self.results or ())
-        return () if named else ("u",)
+        # By words and not by the tree: this is asked before the inputs are known.
+        return () if self.uses_inputs(self.results or ()) else ("u",)
 
     def start(self, state: BlockState) -> None:
         state.x[:] = self.initial
-        state.n = len(self.changes)
-        state.constants = self.equations.values
+        state.n = self.initial.size
+        state.constants = self.constant_values
         form = self.resolved.form
         if self.results is None:
-            own = [Expression("", f"x[{i}]", frozenset()) for i in range(state.n)]
             # A function in this case, too, so that `output` is one line and compiles the same way.
-            state.results = function_from(function_text(own, PARAMETERS, form))
+            own = Expressions((), tuple(f"x[{i}]" for i in range(state.n)), ((state.n,),))
+            state.results = function_from(function_text(own, self.arguments, form))
         else:
-            state.results = self.function(state, "output", self.results, form)
+            state.results = self.compiled(state, "output", self.results, form)
 
-    def function(
-        self, state: BlockState, parameter: str, texts: tuple[str, ...], form: Any = "array"
+    def compiled(
+        self, state: BlockState, parameter: str, texts: Sequence[str], form: Any = "array"
     ) -> Any:
         """A function of (t, x, u, constants)."""
-        count = len(state.context.terms["u"])
-        return self.equations.function(parameter, texts, count, form)
+        return self.function(parameter, texts, len(state.context.terms["u"]), form)
 
     def output(self, state: BlockState, t: float, u: tuple[float, ...] = ()) -> Any:
-        return state.results(t, state.x.tolist(), u, state.constants)
+        return state.results(t, tuple(state.x.tolist()), u, state.constants)
 
 
 class DynamicSystem(_System):
@@ -173,14 +179,10 @@ class DynamicSystem(_System):
     was = State("e", name="was", doc="1 where an event's condition held on the last tick, else -1")
 
     def sizes(self) -> dict[str, int]:
-        known = self.__dict__.keys() >= {"rates", "when", "then", "happenings"}
-        return {"n": len(self.rates), "e": len(self.list_of_events)} if known else {}
+        known = self.__dict__.keys() >= {"initial", "when", "then", "happenings"}
+        return {**super().sizes(), **({"e": len(self.list_of_events)} if known else {})}
 
-    @property
-    def changes(self) -> tuple[str, ...]:
-        return self.rates
-
-    @property
+    @cached_property
     def list_of_events(self) -> tuple[Happening, ...]:
         """All events, in order."""
         first = () if self.when is None else (Happening(self.when, self.then or ()),)
@@ -191,65 +193,57 @@ class DynamicSystem(_System):
         if (self.when is None) != (self.then is None):
             missing = "then" if self.then is None else "when"
             problems.append((missing, "missing; an event has 'when' and 'then'"))
-            return problems
-        for i, each in enumerate(self.list_of_events, -(self.when is not None)):
-            if len(each.then) != len(self.rates):
-                count = len(self.rates)
-                message = f"expected {count} expression(s), one per state, got {len(each.then)}"
-                problems.append(("then" if i < 0 else f"events.{i}.then", message))
         return problems
 
     @property
-    def written(self) -> list[tuple[str, str]]:
-        expressions = [("derivative", text) for text in self.rates]
-        expressions += [("output", text) for text in self.results or ()]
+    def written(self) -> dict[str, tuple[str, ...]]:
+        written = {"derivative": self.rates, "output": self.results or ()}
         for i, each in enumerate(self.list_of_events, -(self.when is not None)):
             place = "" if i < 0 else f"events.{i}."
-            expressions.append((f"{place}when", each.when))
-            expressions += [(f"{place}then", text) for text in each.then]
-        return expressions
+            written |= {f"{place}when": (each.when,), f"{place}then": each.then}
+        return {name: texts for name, texts in written.items() if texts}
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        state.rates = self.function(state, "derivative", self.rates)
-        events, count = self.list_of_events, len(state.context.terms["u"])
+        state.rates = self.compiled(state, "derivative", self.rates)
+        events = self.list_of_events
         state.events = len(events)
         state.directions = np.array([SIGNS[each.direction] for each in events])
-        distances = [signed_distance(each.when) for each in events] or ["0"]
+        state.was[...] = math.nan
         try:
-            state.distances = self.function(state, "when", tuple(distances))
+            texts = [signed_distance(each.when) for each in events] or ["0"]
+            state.distances = self.compiled(state, "when", texts)
         except ParameterError:  # what is written out is too long; the condition itself is not
             texts = [f"1 if {each.when} else -1" for each in events]
-            state.distances = self.function(state, "when", tuple(texts))
-        state.was[...] = math.nan
+            state.distances = self.compiled(state, "when", texts)
         # One function for all events, of which ``which`` is the number.
-        after = []
-        for i in range(state.n):
-            texts = [
-                self.equations.read("then", each.then[i], count).python for each in events
-            ] or ["0.0"]
-            choice = texts[-1]
-            for k in range(len(texts) - 2, -1, -1):
-                choice = f"({texts[k]}) if which < {k + 0.5} else ({choice})"
-            after.append(Expression("", choice, frozenset()))
-        state.jump = function_from(function_text(after, (*PARAMETERS, "which"), "array"))
+        after = [text for each in events for text in items("then", each.then)]
+        count = len(state.context.terms["u"])
+        read = self.read(after or [("then", "0")] * state.n, count)
+        values = read.values[-state.n :]
+        for k in range(len(events) - 2, -1, -1):
+            own = read.values[k * state.n : (k + 1) * state.n]
+            pairs = zip(own, values, strict=True)
+            values = tuple(f"({text}) if which < {k + 0.5} else ({rest})" for text, rest in pairs)
+        read = Expressions(read.lines, values, ((state.n,),))
+        state.jump = function_from(function_text(read, (*self.arguments, "which"), "array"))
 
     def crossings(self, context: BlockContext) -> list[str]:
         return [each.direction for each in self.list_of_events]
 
     def guards(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
-        distances: FloatArray = state.distances(t, state.x.tolist(), u, state.constants)
+        distances: FloatArray = state.distances(t, tuple(state.x.tolist()), u, state.constants)
         return distances
 
     def event(self, state: BlockState, t: float, which: float, u: tuple[float, ...]) -> None:
         # All values before any is written: each expression sees the states before the event.
-        after = state.jump(t, state.x.tolist(), u, state.constants, which)
+        after = state.jump(t, tuple(state.x.tolist()), u, state.constants, which)
         for i in range(state.n):
             state.x[i] = after[i]
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
         for k in range(state.events):
-            distances = state.distances(t, state.x.tolist(), u, state.constants)
+            distances = state.distances(t, tuple(state.x.tolist()), u, state.constants)
             now = 1.0 if distances[k] > 0.0 else -1.0
             changes = now * state.was[k] < 0.0
             if (now > 0.0 and state.directions[k] > 0.0) or (
@@ -259,13 +253,11 @@ class DynamicSystem(_System):
             state.was[k] = now
 
     def couplings(self, context: BlockContext) -> list[set[int]]:
-        count = input_count(context)
-        read = [self.equations.read("derivative", text, count) for text in self.rates]
-        # Names of states and indices are x[0], x[1], ... in the Python text, sums are written out.
-        return [set(map(int, re.findall(r"\bx\[(\d+)\]", each.python))) for each in read]
+        read = self.read(items("derivative", self.rates), self.input_count(context))
+        return read.couplings("x", self.initial.size)
 
     def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
-        rates: FloatArray = state.rates(t, state.x.tolist(), u, state.constants)
+        rates: FloatArray = state.rates(t, tuple(state.x.tolist()), u, state.constants)
         return rates
 
 
@@ -285,23 +277,15 @@ class DiscreteSystem(_System):
 
     x = State("n", name="x", doc="the states")
 
-    def sizes(self) -> dict[str, int]:
-        return {"n": len(self.following)} if "following" in self.__dict__ else {}
-
     @property
-    def changes(self) -> tuple[str, ...]:
-        return self.following
-
-    @property
-    def written(self) -> list[tuple[str, str]]:
-        expressions = [("next", text) for text in self.following]
-        return expressions + [("output", text) for text in self.results or ()]
+    def written(self) -> dict[str, tuple[str, ...]]:
+        return {"next": self.following} | ({"output": self.results} if self.results else {})
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        state.following = self.function(state, "next", self.following)
+        state.following = self.compiled(state, "next", self.following)
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
-        after = state.following(t, state.x.tolist(), u, state.constants)
+        after = state.following(t, tuple(state.x.tolist()), u, state.constants)
         for i in range(state.n):
             state.x[i] = after[i]

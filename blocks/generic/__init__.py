@@ -1,13 +1,22 @@
 """Blocks for any signal: constants, sums, gains, switches, delays, filters; switches of parts."""
 
-from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled
-from blocks.generic.constraint import AlgebraicConstraint
-from blocks.generic.enabling import Enable, Trigger
-from blocks.generic.fourier import FourierTransform, InverseFourierTransform
-from blocks.generic.functions import Function
-from blocks.generic.mathematics import Compare, Logic, Norm, Product, Wrap
-from blocks.generic.memory import Lowpass, UnitDelay
-from blocks.generic.routing import Concatenate, MultiportSwitch, Select
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled
+    from blocks.generic.constraint import AlgebraicConstraint
+    from blocks.generic.enabling import Enable, Trigger
+    from blocks.generic.fourier import FourierTransform, InverseFourierTransform
+    from blocks.generic.functions import Function
+    from blocks.generic.mathematics import Compare, Logic, Norm, Product, Wrap
+    from blocks.generic.memory import Lowpass, UnitDelay
+    from blocks.generic.routing import Concatenate, MultiportSwitch, Select
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "AlgebraicConstraint",

@@ -45,11 +45,10 @@ class Select(Block):
         return {"chosen": len(self.indices)} if "indices" in self.__dict__ else {}
 
     def validate_in(self, context: BlockContext) -> None:
-        flags = context.terms["inputs"]
-        check_complete(flags, "inputs")
-        if self.indices.max() >= len(flags):
-            message = f"expected numbers from 0 to {len(flags) - 1}, since the inputs have "
-            message += f"{len(flags)} components, got {self.indices.max():g}"
+        count = context.count("inputs")
+        if self.indices.max() >= count:
+            message = f"expected numbers from 0 to {count - 1}, since the inputs have "
+            message += f"{count} components, got {self.indices.max():g}"
             raise ParameterError([("indices", message)])
 
     def start(self, state: BlockState) -> None:
@@ -80,10 +79,8 @@ class MultiportSwitch(Block):
     out = Output(Same("T"), doc="the selected signal")
 
     def validate_in(self, context: BlockContext) -> None:
-        flags = context.terms["inputs"]
-        if not flags:
+        if not context.count("inputs"):
             raise ParameterError([("inputs", "expected at least one signal to choose from")])
-        check_complete(flags, "inputs")
 
     def start(self, state: BlockState) -> None:
         state.zero = state.context.types["out"].zero()
@@ -93,18 +90,6 @@ class MultiportSwitch(Block):
             return state.zero
         i = min(max(nearest(select), 0.0), len(inputs) - 1.0)
         return inputs[int(i)]
-
-
-def check_complete(flags: tuple[bool, ...], name: str) -> None:
-    """Check that no term of an input is removed.
-
-    Raises
-    ------
-    ParameterError : one is.
-    """
-    if not all(flags):
-        message = "an input's block is removed, which would shift the components after it"
-        raise ParameterError([(name, f"{message}; bypass that block, or remove this one")])
 
 
 class Concatenate(Block):
@@ -119,7 +104,7 @@ class Concatenate(Block):
     out = Output(Vector("n"), doc="all components, in order")
 
     def validate_in(self, context: BlockContext) -> None:
-        check_complete(context.terms["inputs"], "inputs")
+        context.count("inputs")
 
     def start(self, state: BlockState) -> None:
         state.n = state.context.types["out"].shape[0]

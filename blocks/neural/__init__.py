@@ -6,18 +6,29 @@ neurons straight to neurons. :class:`AdaptiveEnsemble` is the paper's learner, e
 one block; RateEnsemble, AdaptiveBias and MRAC have its ports and can replace it.
 """
 
-from blocks.neural.adaptive import AdaptiveEnsemble, RateEnsemble
-from blocks.neural.decoder import Decoder
-from blocks.neural.decoder_solvers import DecoderSolver
-from blocks.neural.ensemble import Ensemble
-from blocks.neural.learner import AdaptiveBias
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+# At once: a neuron's model is looked up by its name among those that are imported.
 from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
-from blocks.neural.mrac import MRAC
-from blocks.neural.neurons import NeuronModel
-from blocks.neural.published_tuning import PLACES, Tuning, table_shape
-from blocks.neural.synapses import Synapse
-from blocks.neural.weights import Weights
+
+if TYPE_CHECKING:
+    from blocks.neural.adaptive import AdaptiveEnsemble, RateEnsemble
+    from blocks.neural.decoder import Decoder
+    from blocks.neural.decoder_solvers import DecoderSolver
+    from blocks.neural.ensemble import Ensemble
+    from blocks.neural.learner import AdaptiveBias
+    from blocks.neural.mrac import MRAC
+    from blocks.neural.neurons import NeuronModel
+    from blocks.neural.published_tuning import PLACES, Tuning, table_shape
+    from blocks.neural.synapses import Synapse
+    from blocks.neural.weights import Weights
+else:
+    __getattr__ = door(__name__)
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]

@@ -10,8 +10,8 @@ two, at a third of the calls::
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import final
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, final
 
 import numpy as np
 
@@ -29,8 +29,9 @@ from blocks.core import (
 )
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
-from blocks.neural.lif import lif_rate_step, lif_step
+from blocks.neural.lif import lif_rate_step, lif_step, lif_steps
 from blocks.neural.rules import follow, pes_step, smooth
+from blocks.neural.stacks import LearnerStack
 
 # Hz. Without it, a normalised step of neurons that are nearly silent would be unbounded.
 SILENT = 10.0
@@ -192,6 +193,19 @@ class LearningEnsemble(Learner):
     def _respond(self, state: BlockState) -> None:
         """Advance neurons and synapses by one step: ``current`` in, ``activity`` out."""
 
+    def respond_together(self, each: int, state: Any) -> None:
+        """:meth:`_respond` for equal ensembles of ``each`` neurons, whose states are one."""
+        self._respond(state)
+
+    def stack_key(self, context: BlockContext) -> Hashable:
+        return self.tau_rc, self.tau_ref, self.tau_syn, self.normalised
+
+    @classmethod
+    def stacked(
+        cls, blocks: Sequence[Any], states: Sequence[BlockState], arrays: Mapping[str, FloatArray]
+    ) -> LearnerStack:
+        return LearnerStack(blocks, states, arrays)
+
 
 @final
 class AdaptiveEnsemble(LearningEnsemble):
@@ -258,6 +272,11 @@ class AdaptiveEnsemble(LearningEnsemble):
             state.empty,
             state.constants,
         )
+        smooth(state.activity, state.spikes, state.fade, state.pass_on)
+
+    def respond_together(self, each: int, state: Any) -> None:
+        neurons = (state.current, state.spikes, state.voltage, state.refractory)
+        lif_steps(each, state.dt, *neurons, state.constants)
         smooth(state.activity, state.spikes, state.fade, state.pass_on)
 
     def _flush(self, state: BlockState) -> None:

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from blocks.core import FloatArray, kernel_of, param, portable
-from blocks.neural.neurons import NeuronModel
+from blocks.neural.neurons import NeuronModel, NeuronStep, independent
 
 # From this many neurons, leaving out those that are awake for the whole step pays in Python.
 MANY = 301
@@ -43,11 +43,24 @@ def lif_step(
     the step only. Of the same voltage and current, the time since a spike follows in closed form,
     tau_rc log1p((1 - V) / (J - 1)), so that rates are right at any step up to tau_ref.
     """
+    lif_steps(len(voltage), dt, current, spikes, voltage, refractory, constants)
+
+
+def lif_steps(
+    each: int,
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """:func:`lif_step` of any number of populations of ``each`` neurons, with the same bits."""
     tau_rc, tau_ref = constants.item(0), constants.item(1)
     step = np.array(dt)
     refractory -= step
     rise = np.subtract(current, voltage, out=spikes)  # written again below
-    if len(voltage) < MANY:
+    if each < MANY:
         # The same for all of them: fewer calls, which is what counts for few neurons.
         awake = refractory - step
         np.maximum(awake, -step, out=awake)
@@ -162,6 +175,23 @@ class LIF(_Leaky):
 
     step = staticmethod(lif_step)
 
+    def stacked(self, each: int) -> NeuronStep | None:
+        if type(self).step is not lif_step:
+            return super().stacked(each)
+
+        def step(
+            dt: float,
+            current: FloatArray,
+            spikes: FloatArray,
+            voltage: FloatArray,
+            refractory: FloatArray,
+            recovery: FloatArray,
+            constants: FloatArray,
+        ) -> None:
+            lif_steps(each, dt, current, spikes, voltage, refractory, constants)
+
+        return step
+
     def too_long(self, dt: float) -> str:
         if dt > self.tau_ref:
             return (
@@ -176,6 +206,7 @@ class LIF(_Leaky):
         return ""
 
 
+@independent
 def lif_rate_step(
     dt: float,
     current: FloatArray,

@@ -38,6 +38,8 @@ from blocks.neural.published_tuning import Tuning
 # Between these bounds the number of points follows the dimensions, as in Nengo; twice the neurons
 # keep the system overdetermined, up to a number at which solving would take seconds.
 LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
+# Up to this many decoders, a loop over them takes less time than the indices of a common sum.
+FEW = 3
 
 
 class Solved(Block, ABC):
@@ -245,3 +247,29 @@ def _decode_kernel(weights: FloatArray, spikes: FloatArray, groups: int) -> Floa
                     total += amounts[k]
             value[group * rows + row] = total
     return value
+
+
+def decode_each(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:
+    """For each member what :func:`decode` makes of weights (m, rows, n), spikes (m, n)."""
+    members, rows, n = weights.shape
+    if members <= FEW:
+        return np.array([decode(w, s, groups) for w, s in zip(weights, spikes, strict=True)])
+    flat = spikes.reshape(-1)
+    firing = flat.astype(bool).nonzero()[0]
+    member, fired = firing // n, flat[firing]
+    # Where the weights of the first row are: those of member i begin at i rows n.
+    first = firing + member * ((rows - 1) * n) if rows > 1 else firing
+    if groups > 1:
+        each = n // groups
+        counted = [
+            np.bincount(firing // each, weights.take(first + row * n) * fired, members * groups)
+            for row in range(rows)
+        ]
+        return np.array(counted, dtype=float).T.reshape(members, groups * rows)
+    # A sum over a part begins with its first number, one over a row with 0: so a 0 before each.
+    padded = np.zeros((rows, len(firing) + members))
+    at = np.arange(1, len(firing) + 1) + member
+    for row in range(rows):
+        padded[row, at] = weights.take(first + row * n) * fired
+    starts = np.arange(members) + firing.searchsorted(np.arange(0, members * n, n))
+    return np.ascontiguousarray(np.add.reduceat(padded, starts, 1).T)

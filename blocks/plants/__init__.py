@@ -1,7 +1,16 @@
 """Mechanical plants in continuous time to start from: pendulums, an arm, masses."""
 
-from blocks.plants.arms import TwoLinkArm
-from blocks.plants.masses import DoubleIntegrator, MassSpringDamper
-from blocks.plants.pendulums import CartPole, Pendulum
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from blocks.plants.arms import TwoLinkArm
+    from blocks.plants.masses import DoubleIntegrator, MassSpringDamper
+    from blocks.plants.pendulums import CartPole, Pendulum
+else:
+    __getattr__ = door(__name__)
 
 __all__ = ["CartPole", "DoubleIntegrator", "MassSpringDamper", "Pendulum", "TwoLinkArm"]

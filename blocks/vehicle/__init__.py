@@ -4,17 +4,26 @@
 ``kinematics.py`` has the same kinematics, and a car's, as equations for the run's solver.
 """
 
-from blocks.vehicle.differential_drive import INTEGRATORS, DifferentialDrive
-from blocks.vehicle.disturbances import (
-    ActuatorDelay,
-    ActuatorFault,
-    ActuatorLag,
-    PoseNoise,
-    Saturator,
-    WheelSlip,
-)
-from blocks.vehicle.explorer import Explorer
-from blocks.vehicle.kinematics import Bicycle, Unicycle
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from blocks.vehicle.differential_drive import INTEGRATORS, DifferentialDrive
+    from blocks.vehicle.disturbances import (
+        ActuatorDelay,
+        ActuatorFault,
+        ActuatorLag,
+        PoseNoise,
+        Saturator,
+        WheelSlip,
+    )
+    from blocks.vehicle.explorer import Explorer
+    from blocks.vehicle.kinematics import Bicycle, Unicycle
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "INTEGRATORS",

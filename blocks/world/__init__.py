@@ -1,8 +1,17 @@
 """The world around the robot: walls and obstacles, their distances and contours, and a LiDAR."""
 
-from blocks.world.lidar import Lidar, bearings, window_problems
-from blocks.world.surfaces import TOUCH, Surfaces, nearest
-from blocks.world.world import World, misplaced, required_world, world_of
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from blocks.world.lidar import Lidar, bearings, window_problems
+    from blocks.world.surfaces import TOUCH, Surfaces, nearest
+    from blocks.world.world import World, misplaced, required_world, world_of
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "TOUCH",

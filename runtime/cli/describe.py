@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 from collections.abc import Container, Mapping
 from pathlib import Path
 
+from blocks.core import Block
+from blocks.lazy import exports
 from blocks.registry import BUILTIN
 from runtime.cli.public_api import listing
 from runtime.cli.shipped import shipped
@@ -20,6 +23,22 @@ from runtime.observation import (
     MetricKind,
     MetricOptions,
     PlotKind,
+)
+
+INDEX = '''"""Where the names of ``blocks`` are; written by ``python -m runtime.cli.describe``.
+
+In: the doors of the rooms. Out: types of blocks, and their other names, each with its module::
+
+    "Gain": "generic.arithmetic"
+"""
+
+from __future__ import annotations
+
+'''
+# In the order of docs/blocks.md.
+ROOMS = (
+    *("control", "neural", "world", "wall_fitting", "vehicle", "sources", "generic"),
+    *("dynamics", "nonlinear", "plants", "mujoco"),
 )
 
 HEADER = """# Blocks
@@ -41,7 +60,7 @@ a pose, a `raster` of spikes, a `heatmap` of many columns, and a `timeseries` of
 `plots: {}` draws nothing. Every plot takes, besides its own options:
 """
 COMMON_DOC = {
-    "title": "`title` (a text): default: the name of the plot",
+    "title": "`title` (a string): default: the name of the plot",
     "labels": "`labels` (texts): names of the lines, in their order",
 }
 
@@ -154,8 +173,25 @@ def schema_file() -> str:
     return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
+def index_file() -> str:
+    """The text of blocks/index.py: where the names of the rooms' doors are, types apart."""
+    types, others = "", ""
+    for room in ("", *ROOMS):
+        door = importlib.import_module(f"blocks.{room}".rstrip("."))
+        homes = {name: home.partition(":")[0] for name, home in exports(door.__name__).items()}
+        for name in door.__all__ if room else (n for n in homes if homes[n] == "blocks.core"):
+            value = getattr(door, name)
+            line = f'    "{name}": "{homes[name].removeprefix("blocks.")}",\n'
+            if room and isinstance(value, type) and issubclass(value, Block):
+                types += line
+            else:
+                others += line
+    return f"{INDEX}TYPES = {{\n{types}}}\nOTHERS = {{\n{others}}}\n"
+
+
 if __name__ == "__main__":
     docs = Path(__file__).parents[2] / "docs"
+    (docs.parent / "blocks" / "index.py").write_text(index_file(), encoding="utf-8")
     (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
     (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
     (docs / "observing.md").write_text(observing_page(), encoding="utf-8")

@@ -112,8 +112,8 @@ def _compiled(engine: Engine) -> dict[str, Any]:
     }
 
 
-def explain_text(graph: Graph) -> str:
-    """The explanation for a terminal."""
+def explain_text(graph: Graph, code: bool = False) -> str:
+    """The explanation for a terminal; ``code`` adds the generated function."""
     facts, unit = explain_json(graph), graph.network.time_unit
     lines = [
         f"{facts['graph']}: {len(graph.network.entries)} blocks, "
@@ -134,7 +134,9 @@ def explain_text(graph: Graph) -> str:
         lines += ["", *_population_lines(facts["populations"])]
     if facts["continuous"] is not None:
         lines += ["", *_continuous_lines(facts["continuous"])]
-    lines += ["", *_engine_lines(facts["engine"]), "", facts["engine"]["source"]]
+    lines += ["", *_engine_lines(facts["engine"])]
+    if code:
+        lines += ["", "The function that runs", "", facts["engine"]["source"]]
     return "\n".join(lines).rstrip()
 
 
@@ -156,10 +158,10 @@ def _engine_lines(engine: dict[str, Any]) -> list[str]:
     asked = f" ({engine['asked']})" if engine["asked"] == "auto" else ""
     if engine["taken"] == "python":
         cost = f"about {engine['python_s']:.2g} s a run"
-        return [f"The function that runs: Python engine{asked}, {cost}"]
+        return [f"Python engine{asked}, {cost}"]
     lines = [f"Compiled engine{asked}", f"  compiled     {', '.join(engine['compiled'])}"]
     for name, reason in engine["from_python"].items():
         lines.append(f"  from Python  {name}: {reason}")
     if engine["parts"] > 1:
         lines.append(f"  These split a tick into {engine['parts']} parts.")
-    return [*lines, "", "The function that runs"]
+    return lines

@@ -14,25 +14,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.codegen.source import Entry, Function, RefusedError, Source, support
-from runtime.codegen.types import (
-    BOOL,
-    FLOAT,
-    INT,
-    Array,
-    Draws,
-    Known,
-    Number,
-    Tuple,
-    Type,
-    leaves,
-    unknown_call,
-)
-from runtime.lazy import importer
+from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.codegen.names import unused
+    from runtime.codegen.source import Entry, Function, RefusedError, Source, support
+    from runtime.codegen.types import (
+        BOOL,
+        FLOAT,
+        INT,
+        Array,
+        Draws,
+        Known,
+        Number,
+        Tuple,
+        Type,
+        leaves,
+        unknown_call,
+    )
     from runtime.codegen.unit import Unit, Writer
+else:  # Imported where something is written, not at every start.
+    __getattr__ = door(__name__)
 
 __all__ = [
     "BOOL",
@@ -55,13 +57,3 @@ __all__ = [
     "unknown_call",
     "unused",
 ]
-
-# Imported where something is written, not at every start.
-__getattr__ = importer(
-    __name__,
-    {
-        "Unit": "runtime.codegen.unit",
-        "Writer": "runtime.codegen.unit",
-        "unused": "runtime.codegen.names",
-    },
-)

@@ -20,13 +20,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.compiler.cache import Records, salt
-from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
-from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
-from runtime.lazy import importer
+from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.compiler.cache import Records, salt
+    from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
+    from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
     from runtime.compiler.translate import translate_functions
+else:  # Imported where something is translated: most starts find everything in the cache.
+    __getattr__ = door(__name__)
 
 __all__ = [
     "PROJECT",
@@ -42,6 +44,3 @@ __all__ = [
     "translate_functions",
     "written",
 ]
-
-# Imported where something is translated: most starts find everything in the cache.
-__getattr__ = importer(__name__, {"translate_functions": "runtime.compiler.translate"})

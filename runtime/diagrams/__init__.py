@@ -8,10 +8,19 @@ In: a checked network. Out: a string or bytes in one of the formats::
     Graphviz and Mermaid lay out themselves: their text is made from the picture.
 """
 
-from runtime.diagrams.formats import FORMATS, DiagramFormat, diagram, format_of
-from runtime.diagrams.paint import draw
-from runtime.diagrams.stored import TOO_LARGE, read_picture, stored_picture
-from runtime.diagrams.svg import SvgText, to_svg
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.diagrams.formats import FORMATS, DiagramFormat, diagram, format_of
+    from runtime.diagrams.paint import draw
+    from runtime.diagrams.stored import TOO_LARGE, read_picture, stored_picture
+    from runtime.diagrams.svg import SvgText, to_svg
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "FORMATS",

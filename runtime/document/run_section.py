@@ -25,6 +25,7 @@ ENGINES = ("auto", "python", "compiled", "checked")
 STATE_CHOICES = ("small", "all", "none")
 EVENT_CHOICES = ("located", "ticks")
 DIRECTIONS = ("either", "rising", "falling")
+LOOPS = ("error", "solve")
 SOLVERS = ("euler", "heun", "rk4", "dopri5", "rodas4")
 ADAPTIVE = ("dopri5", "rodas4")
 STOP_DOCS = {
@@ -39,6 +40,7 @@ TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {
     **{"engine": ENGINES, "solver": SOLVERS, "states": STATE_CHOICES, "events": EVENT_CHOICES},
+    "loops": LOOPS,
     "time_unit": tuple(TIME_UNITS),
 }
 DEFAULT_MEMORY = 1024**3
@@ -99,6 +101,7 @@ class RunSection:
     states: str = STATE_CHOICES[0]
     time_unit: str = SECOND
     events: str = EVENT_CHOICES[0]
+    loops: str = LOOPS[0]
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -126,7 +129,9 @@ def read_run(document: Node, problems: Problems) -> RunSection:
     states = _choice(run, "states", STATE_CHOICES, STATE_CHOICES[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
     events = _choice(run, "events", EVENT_CHOICES, EVENT_CHOICES[0], problems)
-    return RunSection(dt, until, seed, engine, memory, solver, stop, states, unit, events)
+    loops = _choice(run, "loops", LOOPS, LOOPS[0], problems)
+    rest = (stop, states, unit, events, loops)
+    return RunSection(dt, until, seed, engine, memory, solver, *rest)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:

@@ -69,6 +69,7 @@ RUN_KEYS = (
     "atol",
     "max_step",
     "events",
+    "loops",
     "stop",
 )
 RUN_DOCS = {
@@ -84,6 +85,7 @@ RUN_DOCS = {
     "rtol": "dopri5, rodas4: largest error of a step, relative to the state",
     "atol": "dopri5, rodas4: largest error of a step of a state near 0",
     "max_step": "dopri5, rodas4: the largest step, s",
+    "loops": "algebraic loops: error, or solve, which solves them by Newton's method",
     "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
 # What other tools call the keys of the section.

@@ -4,24 +4,35 @@
 ``engine`` runs it, ``recorder`` stores rows, and ``compiled`` is the runner that compiles the plan.
 """
 
-from runtime.engine.engine import Engine, Outcome
-from runtime.engine.interrupts import Interrupts
-from runtime.engine.point import Watched, flow_at
-from runtime.engine.profile import Profile, profile_text
-from runtime.engine.program import Program
-from runtime.engine.recorder import recording_file
-from runtime.engine.runners import MakeRunner, silent
-from runtime.engine.selection import python_seconds, take_compiled
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.engine.engine import Engine, Outcome
+    from runtime.engine.interrupts import Interrupts
+    from runtime.engine.point import Offsets, Point, Watched, labels
+    from runtime.engine.profile import Profile, profile_text
+    from runtime.engine.program import Program
+    from runtime.engine.recorder import recording_file
+    from runtime.engine.runners import MakeRunner, silent
+    from runtime.engine.selection import python_seconds, take_compiled
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "Engine",
     "Interrupts",
     "MakeRunner",
+    "Offsets",
     "Outcome",
+    "Point",
     "Profile",
     "Program",
     "Watched",
-    "flow_at",
+    "labels",
     "profile_text",
     "python_seconds",
     "recording_file",

@@ -27,6 +27,7 @@ from runtime.plan import (
     Plan,
     Port,
     Restore,
+    Solve,
     Test,
     Zero,
     signals_of,
@@ -58,9 +59,10 @@ def beside(plan: Plan, own: Collection[str], moving: Container[Port]) -> list[Op
             found.append(each)
         elif isinstance(each, Integrate):
             found += [] if each.blocks.isdisjoint(own) else [each]
-        elif isinstance(each, (Call, Test, Zero)):
+        elif isinstance(each, (Call, Solve, Test, Zero)):
             is_again = any(signal.key in moving for signal in each.outputs)
-            found += [each] if is_again or each.block in own else []
+            blocks = each.blocks if isinstance(each, Solve) else {each.block}
+            found += [each] if is_again or not blocks.isdisjoint(own) else []
     return found
 
 

@@ -16,8 +16,9 @@ import numpy as np
 from blocks.core import FloatArray, ParameterError
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
-from runtime.engine.events import FOUND, TICK, TIME, decided, noted, opened, proposed
+from runtime.engine.events import FOUND, TICK, TIME
 from runtime.engine.interrupts import stoppable
+from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
 from runtime.engine.program import Program
@@ -48,16 +49,17 @@ from runtime.engine.state import Held, RunState
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
+    Zeros,
     bad_slope,
+    event_names,
     floats,
-    restless,
     sealed,
     unreached,
     wrong_initial,
 )
 from runtime.errors import Problem, SimulationError, UsageError, raised_at
 from runtime.network import Network
-from runtime.plan import Call, Integrate, Plan, Record, Signal
+from runtime.plan import Call, Plan, Record, Signal
 
 # The seconds that ticks run between two looks at signals and progress: more, up to the last number,
 # where the checkpoint before them takes more than a part of this time.
@@ -264,13 +266,14 @@ class Engine:
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""
         functions = (
-            *(math.isfinite, math.isnan, np.vdot, np.array, np.full),
+            *(math.isfinite, math.isnan, np.vdot, np.array, np.full, np.concatenate, Zeros()),
             *(self.checks.forms, sealed, self.checks.not_finite, floats),
         )
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
+        self.namespace |= loop_names(self.plan, self.state.arrays)
         if self.program.observation.stop is not None:
             self.namespace["stop"] = self.state.stop
         names = self.program.names
@@ -360,7 +363,7 @@ class Engine:
             move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
             **jacobian,
-            **(self._event_names(part) if part.ends_steps else {}),
+            **event_names(part, self.state.arrays, self.recorder.log),
             "states": self.state.continuous,
             "start": np.zeros(size),
             "slopes": slopes,
@@ -379,23 +382,6 @@ class Engine:
             "unreached": partial(unreached, part, solver.name, control),
         }
 
-    def _event_names(self, part: Integrate) -> dict[str, Any]:
-        """What the text of a graph refers to whose steps end at events or edges."""
-        arrays = self.state.arrays
-        fired = np.zeros(len(part.directions))
-        return {
-            **{key: arrays[f"run/{key}"] for key in ("search", "sides", "guards", "count")},
-            "directions": np.where(part.directions > 1.0, 0.0, part.directions),
-            "fired": fired,
-            "edges": part.edges,
-            "log": self.recorder.log,
-            "opened": opened,
-            "proposed": proposed,
-            "decided": decided,
-            "noted": noted,
-            "restless": partial(restless, part, fired),
-        }
-
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
         try:
             return call()
@@ -412,6 +398,7 @@ class Engine:
         """The function of the Python plan."""
         code = self.program.code
         self.lines = code.lines
+        self.namespace |= self.state.stacks()
         exec(code.pieces[0], self.namespace)
         run: Run = self.namespace["run"]
         return run

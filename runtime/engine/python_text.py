@@ -10,12 +10,12 @@ In go operations and the names of their values, out comes text, and which block 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from blocks.core import SignalType
 from runtime.engine.naming import Names
+from runtime.engine.python_values import absent, finite_test
 from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     Argument,
@@ -29,7 +29,9 @@ from runtime.plan import (
     Restore,
     Signal,
     Slot,
+    Solve,
     Source,
+    Step,
     Stop,
     Test,
     Zero,
@@ -70,6 +72,7 @@ class PythonText:
         self.between_ticks = False
         self.printers: dict[type[Any], Callable[[Any], None]] = {
             Call: self.call,
+            Solve: self.solve,
             Test: self.test,
             Zero: self.zero,
             Restore: self.restore,
@@ -79,7 +82,7 @@ class PythonText:
         }
 
     def function(
-        self, operations: Sequence[Operation], incoming: Sequence[str], outgoing: Sequence[str]
+        self, operations: Sequence[Step], incoming: Sequence[str], outgoing: Sequence[str]
     ) -> str:
         """``run(first, last, held)``, which takes and returns the variables that outlive a tick."""
         self.leave = f"return ({', '.join(outgoing)},)" if outgoing else "return ()"
@@ -121,9 +124,9 @@ class PythonText:
 
     # Gates
 
-    def operations(self, operations: Sequence[Operation]) -> None:
+    def operations(self, operations: Sequence[Step]) -> None:
         """Write operations in order, each under its gate; those done once are left out."""
-        before: Operation | None = None
+        before: Step | None = None
         for each in operations:
             if each.gate.once:
                 continue
@@ -142,7 +145,7 @@ class PythonText:
             self.line(self.depth, f"if k % {every} == 0:")
         self.rate = every
 
-    def continues(self, before: Operation | None, each: Operation) -> bool:
+    def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
         return (
             before is not None
@@ -150,7 +153,7 @@ class PythonText:
             and (before.gate, before.block) == (each.gate, each.block)
         )
 
-    def condition(self, before: Operation | None, gate: Gate) -> str:
+    def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
         if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
             return "else:"
@@ -228,6 +231,30 @@ class PythonText:
         values = {self.names.of(signal): signal.kind for signal in test.outputs}
         given = ", ".join([repr(test.block), repr(test.method), *values])
         self.code(f"{finite_test(values)} or not_finite({given})", test.block)
+
+    def solve(self, solve: Solve) -> None:
+        """Try values of the unknowns, until the calls compute the same."""
+        memory = f"loop_{solve.number}"
+        control = f"{memory}_control"
+        self.code(f"going = begun({memory}, {control})")
+        self.code("while going > 0.0:")
+        self.depth += 1
+        for signal, start, stop in solve.slots:
+            name, values = self.names.of(signal), f"{memory}[0, {start}:{stop}]"
+            forms = {
+                "scalar": f"{memory}.item(0, {start})",
+                "record": f"tuple({values}.tolist())",
+                "array": f"sealed({values}.reshape({signal.kind.shape!r}).copy())",
+            }
+            self.code(f"{name} = {forms[signal.kind.form]}")
+        for call in solve.calls:
+            self.call(call)
+        for signal, start, stop in solve.slots:
+            flat = ".ravel()" if signal.kind.form == "array" else ""
+            self.code(f"{memory}[1, {start}:{stop}] = {self.names.of(signal)}{flat}")
+        self.code(f"going = newton({memory}, {control})")
+        self.depth -= 1
+        self.code(f"going == 0.0 or unsolved_{solve.number}(going, t)")
 
     # States and recordings
 
@@ -389,36 +416,6 @@ def row(record: Record) -> str:
     every = record.gate.every
     number = "k" if every == 1 else f"k // {every}"
     return f"{number} % {record.rows}" if record.rows else number
-
-
-def absent(kind: SignalType, number: float) -> str:
-    """The expression of an open input's value; an array is created anew on each tick.
-
-    Otherwise a block that writes into an input would change what it reads on the next tick.
-    """
-    text = repr(number) if math.isfinite(number) else f"float({str(number)!r})"
-    if kind.form == "array":
-        return f"full({kind.shape!r}, {text})"
-    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
-
-
-def finite_test(signals: dict[str, SignalType]) -> str:
-    """An expression that is true while signals hold only valid numbers.
-
-    It is fast, and false as well where the sum or the square of large numbers is infinite: what it
-    calls wrong is looked at again. ``np.dot`` would warn of these squares.
-    """
-    finite: list[str] = []
-    others: list[str] = []
-    for variable, kind in signals.items():
-        if kind.form == "scalar":
-            finite.append(variable)
-        elif kind.form == "record":
-            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
-        else:
-            (finite if kind.finite else others).append(f"vdot({variable}, {variable})")
-    tests = [f"isfinite({' + '.join(finite)})"] if finite else []
-    return " and ".join(tests + [f"not isnan({term})" for term in others])
 
 
 def _place(slot: Slot) -> str:

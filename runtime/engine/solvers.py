@@ -242,12 +242,7 @@ def judged(
         if ratio > worst:
             worst, column = ratio, i
     control[COUNT] += 1.0
-    factor = 0.2
-    if worst <= 5e-4:
-        factor = 5.0
-    elif worst < 1e3:
-        factor = min(5.0, max(0.2, 0.9 * worst**-0.2))
-    following = h * factor
+    following = h * growth(worst)
     if worst <= 1.0:
         if control[REJECTED] > 0.0:
             following = min(following, h)
@@ -267,6 +262,13 @@ def judged(
     if done < dt and (control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS):
         return -1.0 - column
     return done
+
+
+def growth(worst: float) -> float:
+    """By how much the next step is longer after an error in tolerances."""
+    if worst <= 5e-4:
+        return 5.0
+    return min(5.0, max(0.2, 0.9 * worst**-0.2)) if worst < 1e3 else 0.2
 
 
 def estimated(

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
 
 from blocks.core import FloatArray, SignalType
-from runtime.engine.events import MAX_EVENTS
+from runtime.engine.events import MAX_EVENTS, decided, noted, opened, proposed
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network, state_shape
@@ -54,6 +56,14 @@ def floats(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.ndim:
         return value if value.dtype == np.float64 else value.astype(np.float64)
     return float(value)
+
+
+class Zeros(dict[int, FloatArray]):
+    """Read-only arrays of zeros, by their length."""
+
+    def __missing__(self, length: int) -> FloatArray:
+        self[length] = sealed(np.zeros(length))
+        return self[length]
 
 
 @dataclass(frozen=True)
@@ -153,6 +163,24 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
         f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
         slot.block,
     )
+
+
+def event_names(
+    part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]], log: FloatArray
+) -> dict[str, Any]:
+    """What the text of a graph refers to whose steps end at events or edges."""
+    if not part.ends_steps:
+        return {}
+    fired = np.zeros(len(part.directions))
+    return {
+        **{key: arrays[f"run/{key}"] for key in ("search", "sides", "guards", "count")},
+        "directions": np.where(part.directions > 1.0, 0.0, part.directions),
+        "fired": fired,
+        "edges": part.edges,
+        "log": log,
+        **{each.__name__: each for each in (opened, proposed, decided, noted)},
+        "restless": partial(restless, part, fired),
+    }
 
 
 def restless(part: Integrate, fired: FloatArray, t: float) -> NoReturn:

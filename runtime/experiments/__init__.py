@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy import importer
+from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.experiments.ablation import AblationResult, run_ablation
@@ -22,15 +22,9 @@ if TYPE_CHECKING:
         TuningTable,
     )
     from runtime.experiments.tuning import TuningResult, run_tuning
+else:  # What an experiment file may say (design) is read without what runs it.
+    __getattr__ = door(__name__)
 
-# What an experiment file may say ('runtime.experiments.design') is read without what runs it.
-_MODULES = {
-    "ablation": ("AblationResult", "run_ablation"),
-    "from_python": ("ablate", "sweep", "tune"),
-    "sweeping": ("SweepResult", "run_sweep"),
-    "tables": ("AblationTable", "SweepConfiguration", "SweepTable", "TrialRecord", "TuningTable"),
-    "tuning": ("TuningResult", "run_tuning"),
-}
 __all__ = [
     "AblationResult",
     "AblationTable",
@@ -47,7 +41,3 @@ __all__ = [
     "sweep",
     "tune",
 ]
-__getattr__ = importer(
-    __name__,
-    {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names},
-)

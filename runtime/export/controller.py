@@ -80,13 +80,13 @@ def export(
     replay = record(graph, selection, length)
     about = _about(graph, selection, float32)
     layout, native = _measured(layout, about, replay, float32)
-    tolerance, said = _tolerance(native, float32)
+    tolerance, reason = _tolerance(native, float32)
     files = {
         f"{name}.h": header(layout, about, float32),
         f"{name}.c": source(layout, about, float32),
     }
     sizes = cortex_sizes(files)
-    files[f"{name}_test.c"] = test(layout, replay, tolerance, said, float32)
+    files[f"{name}_test.c"] = test(layout, replay, tolerance, reason, float32)
     files["report.txt"] = report(layout, about, native, sizes, tolerance, replay)
     with system_errors(f"write to '{folder}'"):
         place = own_folder(Path(folder))

@@ -93,7 +93,7 @@ def _wrong(layout: Layout) -> str:
 
 
 def _learnt(layout: Layout) -> str:
-    names = [f"{b}.{layout.said[m]}" for b, m, _ in layout.states() if layout.is_learnt(m)]
+    names = [f"{b}.{layout.state_names[m]}" for b, m, _ in layout.states() if layout.is_learnt(m)]
     return ", ".join(names) or "nothing here learns"
 
 
@@ -162,7 +162,7 @@ def _quoted(text: str) -> str:
     return '"' + plain.replace("\\", "\\\\").replace('"', '\\"').replace("?", "\\?") + '"'
 
 
-def test(layout: Layout, replay: Replay, tolerance: float, said: str, float32: bool) -> str:
+def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32: bool) -> str:
     """A program that replays a recording and compares every output."""
     name, selection = layout.name, layout.selection
     ports = [*selection.inputs, *selection.outputs]
@@ -178,7 +178,7 @@ def test(layout: Layout, replay: Replay, tolerance: float, said: str, float32: b
     return TEST.substitute(
         ticks=replay.ticks,
         name=name,
-        said=comment(said),
+        reason=comment(reason),
         tolerance=literal(tolerance),
         tables="\n".join(tables),
         count=count,

@@ -87,7 +87,7 @@ class Layout:
 
     def is_learnt(self, member: str) -> bool:
         """Whether a reset keeps a state."""
-        return self.said[member] in LEARNT
+        return self.state_names[member] in LEARNT
 
     @cached_property
     def failures(self) -> dict[tuple[str, ...], tuple[int, str]]:
@@ -122,7 +122,7 @@ class Layout:
         for block, member, values in self.states():
             if values.size and values.dtype.kind == "f" and np.isfinite(values).all():
                 finite = all(kind.finite for (name, _), kind in types.items() if name == block)
-                yield block, member, self.said[member], "all_finite" if finite else "no_nan"
+                yield block, member, self.state_names[member], "all_finite" if finite else "no_nan"
 
     def states(self) -> Iterator[tuple[str, str, np.ndarray[Any, Any]]]:
         """The state arrays: block, member of the struct, initial values."""
@@ -131,7 +131,7 @@ class Layout:
                 yield block, member, self.arrays[block, word]
 
     @cached_property
-    def said(self) -> dict[str, str]:
+    def state_names(self) -> dict[str, str]:
         """The states' own names, by member."""
         own = [(member, key[1]) for key, (member, start) in self.places.items() if not start]
         return {m: w.removeprefix("state_") for m, w in reversed(own)}

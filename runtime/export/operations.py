@@ -1,14 +1,29 @@
-"""How many operations a step takes at most, counted in the C text of the blocks."""
+"""How many operations a step takes at most, counted in the C text of the blocks.
+
+In: the text, and the integers among a block's parameters. Out: :class:`Operations` of one call of a
+function. Lengths are followed through arguments and results, so that loops over them are counted::
+
+    product(ctx, a, 4, 4, b, 4)   ->   for (i < a_n0) for (j < b_n1) for (k < a_n1): 64 passes
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
 
 HEAD = re.compile(r"^static (?:const )?(?:struct )?\w+ \**(\w+)\((.*)\)$")
-LOOP = re.compile(r"for \((?:int64_t )?\w+ = ([^;]+); \w+ < ([^;]+); \w+(?:\+\+| \+= (\d+))\)")
-FIXED = re.compile(r"const int64_t (\w+) = (?:clamped\(.*, )?(\d+)\)?;")
+LOOP = re.compile(
+    r"for \((?:int64_t )?\w+ = ([^;]+); \w+ ([<>]) ([^;]+); \w+(?:\+\+|--| [+-]= (\d+))\)"
+)
+FIXED = re.compile(
+    r"const int64_t (\w+) = (?:clamped\(.*, |array_size\(ctx, )?([^(),]+)(?:, \d+)?\)?;"
+)
+SUM = re.compile(r"const int64_t (\w+) = int_(add|subtract|multiply)\(ctx, (\w+), (\w+), \d+\);")
+RESULT = re.compile(r"const struct \w+ (\w+) = (\w+)\((.*)\);$")
+RETURN = re.compile(r"return \(struct \w+\)\{(?!NULL)(.*)\};$")  # NULL: after a failure
 CALL = re.compile(r"\b([A-Za-z_]\w*)\(")
 ARITHMETIC = re.compile(r" (?:[-+*]=?) |-=|\+=|\*=")
 TAKEN = re.compile(r"\btake\(ctx, (.*), \d+\);")
@@ -52,58 +67,88 @@ class Operations:
 
 @dataclass
 class Counter:
-    """Counts the operations of functions in a C text."""
+    """Counts the operations of functions in a C text.
 
-    bodies: dict[str, list[str]]
-    counted: dict[str, Operations] = field(default_factory=dict)
+    functions : parameters and lines of each function, by name.
+    """
 
-    def of(self, name: str) -> Operations:
-        """The operations of one call of a function."""
-        if name not in self.counted:
-            self.counted[name] = Operations()  # no recursion
-            self.counted[name] = self.body(self.bodies[name])
-        return self.counted[name]
+    functions: dict[str, tuple[list[str], list[str]]]
+    counted: dict[Any, tuple[Operations, tuple[int | None, ...]]] = field(default_factory=dict)
 
-    def body(self, lines: list[str]) -> Operations:
-        total, times, known = Operations(), [1], dict[str, int]()
+    def of(self, name: str, entries: Mapping[str, int] = MappingProxyType({})) -> Operations:
+        """The operations of one call of a function; ``entries`` are integers of its block."""
+        own = {f"self->{word}": value for word, value in entries.items()}
+        return self.call(name, [], own)[0]
+
+    def call(
+        self, name: str, arguments: list[int | None], entries: Mapping[str, int]
+    ) -> tuple[Operations, tuple[int | None, ...]]:
+        """The operations of one call, and the integers among what it returns."""
+        key = (name, tuple(arguments), tuple(entries.items()))
+        if key not in self.counted:
+            self.counted[key] = Operations(), ()  # no recursion
+            parameters, lines = self.functions[name]
+            known = dict(zip(parameters, arguments, strict=False))
+            given = {each: value for each, value in known.items() if value is not None}
+            self.counted[key] = self.body(lines, {**entries, **given}, entries)
+        return self.counted[key]
+
+    def body(
+        self, lines: list[str], known: dict[str, int], entries: Mapping[str, int]
+    ) -> tuple[Operations, tuple[int | None, ...]]:
+        total, times = Operations(), [1]
         opened = [False]  # of the blocks around a line, which are in a loop of unknown length
+        returned: tuple[int | None, ...] | None = None
         for line in lines:
+            line = SUM.sub(_plain, line)
             found = FIXED.search(line)
-            if found:
-                known[found.group(1)] = int(found.group(2))
+            if found and (value := _value(found[2], known)) is not None:
+                known[found[1]] = value
             loop = LOOP.search(line)
             factor, is_open = 1, "while (" in line
             if loop:
                 factor, is_open = _passes(loop, known)
             total.open_loops += is_open
-            inside = LOOP.sub("", line)
             closed = line.lstrip().startswith("}")
             if closed and len(times) > 1:
                 times.pop()
                 opened.pop()
-            done = self.line(inside)
+            done = self.line(LOOP.sub("", line), known, entries)
             done.is_open |= bool(done.reserved) and (opened[-1] or is_open)
             total.add(done, times[-1] * factor)
             if line.rstrip().endswith("{"):
                 times.append(times[-1] * factor)
                 opened.append(opened[-1] or is_open)
-        return total
+            if result := RETURN.search(line):
+                parts = () if "(" in result[1] else result[1].split(", ")
+                values = tuple(_value(text, known) for text in parts)
+                # Of two returns, what they do not agree about is unknown.
+                pairs = zip(values, values if returned is None else returned, strict=False)
+                returned = tuple(one if one == other else None for one, other in pairs)
+        return total, returned or ()
 
-    def line(self, line: str) -> Operations:
-        """The operations of a line."""
+    def line(self, line: str, known: dict[str, int], entries: Mapping[str, int]) -> Operations:
+        """The operations of a line; integers that a call in it returns are then known."""
         found = Operations()
-        taken = TAKEN.search(line)
-        if taken and taken[1].isdigit():
-            found.reserved = -(-int(taken[1]) // ALIGNED) * ALIGNED
-        found.is_open = taken is not None and not taken[1].isdigit()
+        if taken := TAKEN.search(line):
+            size = _value(taken[1], known)
+            found.is_open, found.reserved = size is None, -(-(size or 0) // ALIGNED) * ALIGNED
         integer = re.match(r"\s*(?:const )?(?:int64_t|bool) ", line) is not None
         plain = _outside_brackets(line)
         if not integer:
             found.arithmetic += len(ARITHMETIC.findall(plain))
             found.divisions += plain.count(" / ")
+        result = RESULT.search(line)
         for name in CALL.findall(line):
-            if name in self.bodies:
-                found.add(self.of(name))
+            if name in self.functions:
+                inside = re.search(rf"\b{name}\((.*)\)", line)
+                texts = inside[1].split(", ") if inside and "(" not in inside[1] else []
+                done, values = self.call(name, [_value(text, known) for text in texts], entries)
+                found.add(done)
+                if result and result[2] == name:
+                    names = [f"{result[1]}.v{i}" for i in range(len(values))]
+                    pairs = zip(names, values, strict=True)
+                    known |= {each: value for each, value in pairs if value is not None}
             elif name in MATH or name in ("power", "length_of"):
                 found.functions += 1
             elif name in ONES:
@@ -113,14 +158,38 @@ class Counter:
         return found
 
 
-def _passes(loop: re.Match[str], known: dict[str, int]) -> tuple[int, bool]:
-    """How often a loop's body runs, and whether that is unknown."""
-    ends = [text.strip() for text in loop.groups()[:2]]
-    numbers = [int(e) if e.isdigit() else known.get(e) for e in ends]
-    if numbers[1] is None:
+def _plain(sum_of_two: re.Match[str]) -> str:
+    """A sum, difference or product that is tested for its size, without the test."""
+    name, kind, one, other = sum_of_two.groups()
+    sign = {"add": "+", "subtract": "-", "multiply": "*"}[kind]
+    return f"const int64_t {name} = {one} {sign} {other};"
+
+
+def _value(text: str, known: Mapping[str, int]) -> int | None:
+    """What a C expression of integers is, read from left to right; None if that is not known."""
+    words = text.split()
+    numbers = [int(word) if word.isdigit() else known.get(word) for word in words[::2]]
+    total = numbers[0] if numbers else None
+    for sign, number in zip(words[1::2], numbers[1:], strict=False):
+        if total is None or number is None or sign not in ("+", "-", "*"):
+            return None
+        total = {"+": total + number, "-": total - number, "*": total * number}[sign]
+    return total
+
+
+def _passes(loop: re.Match[str], known: Mapping[str, int]) -> tuple[int, bool]:
+    """How often a loop's body runs at most, and whether that is unknown."""
+    first, last = (_value(text.removeprefix("-"), known) for text in (loop[1], loop[3]))
+    first, last = (
+        -value if value is not None and text.startswith("-") else value
+        for value, text in ((first, loop[1]), (last, loop[3]))
+    )
+    if loop[2] == ">":
+        first, last = last, first  # counts down
+    # A loop that begins at a variable has at most the passes of one that begins at 0.
+    if last is None:
         return 1, True
-    step = int(loop.group(3) or 1)
-    return max(0, -(-(numbers[1] - (numbers[0] or 0)) // step)), False
+    return max(0, -(-(last - (first or 0)) // int(loop[4] or 1))), False
 
 
 def _outside_brackets(line: str) -> str:
@@ -134,15 +203,16 @@ def _outside_brackets(line: str) -> str:
     return "".join(kept)
 
 
-def functions(text: str) -> Iterator[tuple[str, list[str]]]:
-    """The functions of a C text: name and lines of the body."""
-    name, lines = "", list[str]()
+def functions(text: str) -> Iterator[tuple[str, tuple[list[str], list[str]]]]:
+    """The functions of a C text: name, parameters and lines of the body."""
+    name, parameters, lines = "", list[str](), list[str]()
     for line in text.split("\n"):
         head = HEAD.match(line)
         if head:
-            name, lines = head.group(1), []
+            name, lines = head[1], []
+            parameters = [re.split(r"[ *]", each)[-1] for each in head[2].split(", ")]
         elif line == "}" and name:
-            yield name, lines
+            yield name, (parameters, lines)
             name = ""
         elif name and line != "{":
             lines.append(line)

@@ -23,8 +23,11 @@ def operations(layout: Layout) -> dict[str, Operations]:
     count = counter(layout.units.text)
     found: dict[str, Operations] = {}
     for call in layout.selection.calls:
-        name = f"{layout.units.blocks[call.block].prefix}__{call.method}"
-        found.setdefault(call.block, Operations()).add(count.of(name))
+        text = layout.units.blocks[call.block]
+        pairs = zip(text.words, text.values, strict=True)
+        entries = {word: int(value) for (word, kind), value in pairs if kind == "int64_t"}
+        name = f"{text.prefix}__{call.method}"
+        found.setdefault(call.block, Operations()).add(count.of(name, entries))
     return found
 
 

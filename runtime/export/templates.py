@@ -105,7 +105,7 @@ ${messages}
 TEST = Template(
     r"""/* Replays ${ticks} recorded ticks through ${name}.c and compares every output.
  *
- * ${said}
+ * ${reason}
  *
  *     cc -std=c99 -O2 -ffp-contract=off ${name}.c ${name}_test.c -lm -o ${name}_test
  *     ./${name}_test

@@ -88,7 +88,7 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
             enclosed = kernel.enclosed(known[key])
             texts.append(enclosed.text)
             _measure(units, enclosed)
-        words, failures = _words(kernel.text), tuple(map(_said, kernel.failures))
+        words, failures = _words(kernel.text), tuple(map(_failure_text, kernel.failures))
         owned = _owned(kernel, values)
         units.blocks[name] = BlockText(known[key], failures, words, values, owned)
     if problems:
@@ -120,7 +120,7 @@ def _words(text: str) -> tuple[tuple[str, str], ...]:
     return tuple((name, kind.strip()) for kind, name in members if name != "none")
 
 
-def _said(failure: tuple[str, str, str, int]) -> str:
+def _failure_text(failure: tuple[str, str, str, int]) -> str:
     """What went wrong in a block, and where; an index is not in the text of a controller."""
     _, message, file, line = failure
     message = re.sub(r"\{(index|size|axis)\}", "...", message)

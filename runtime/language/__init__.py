@@ -10,21 +10,30 @@ A file that is being typed hardly ever parses. So there are two readings of it: 
 anything and says where things stand; ``parse_yaml`` is the loader's own and says what is wrong.
 """
 
-from runtime.language.actions import Action, actions
-from runtime.language.completion import Completion, complete
-from runtime.language.diagnostics import Diagnostic, Related, diagnose
-from runtime.language.formatting import apply_edits, format_edits
-from runtime.language.hints import Hint, Lens, hints, lenses
-from runtime.language.hover import Card, hover
-from runtime.language.insertion import Edit
-from runtime.language.isolation import Isolation
-from runtime.language.json_schema import json_schema
-from runtime.language.model import Model, Surroundings
-from runtime.language.names import Place, Project, definition, references, rename, rename_span
-from runtime.language.offers import Offer
-from runtime.language.outline import OutlineSymbol, folds, outline
-from runtime.language.signature import Signature, signature
-from runtime.language.text import SourceText, Span
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.language.cards import Card, hover
+    from runtime.language.completion import Completion, complete
+    from runtime.language.diagnostics import Diagnostic, Related, diagnose
+    from runtime.language.fixes import Action, actions
+    from runtime.language.formatting import apply_edits, format_edits
+    from runtime.language.inlays import Hint, Lens, hints, lenses
+    from runtime.language.insertion import Edit
+    from runtime.language.isolation import Isolation
+    from runtime.language.model import Model, Surroundings
+    from runtime.language.names import Place, Project, definition, references, rename, rename_span
+    from runtime.language.offers import Offer
+    from runtime.language.schemas import json_schema
+    from runtime.language.signatures import Signature, signature
+    from runtime.language.symbols import OutlineSymbol, folds, outline
+    from runtime.language.text import SourceText, Span
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "Action",

@@ -164,7 +164,8 @@ def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]])
     name, _, port = target.partition(".")
     entry = (document.get("blocks") or Node({})).get(name) or Node({})
     type_node = entry.get("type") or Node("")
-    cls = {**BUILTIN, **classes}.get(str(type_node.value))
+    kind = str(type_node.value)
+    cls = classes.get(kind) or BUILTIN.get(kind)
     declared = cls.spec.inputs.get(port) if cls is not None else None
     return declared is not None and bool(declared.variadic)
 
@@ -175,6 +176,9 @@ def _reader(modules: Modules) -> ModuleReader:
 
 def relative_with(cls: type[Block], name: str) -> str:
     """A type of the library that has a parameter or input, and the type's name in its own."""
+    # A PathPID is a PID, but a TransferFunction is no Function: generic types have everyday names.
+    if cls.__module__.startswith("blocks.generic."):
+        return ""
     for other, cls_of_other in BUILTIN.items():
         has = name in cls_of_other.spec.params or name in cls_of_other.spec.inputs
         if has and other != cls.__name__ and cls.__name__ in other:

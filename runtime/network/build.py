@@ -18,7 +18,6 @@ from typing import Any
 from blocks.core import (
     TYPES,
     Block,
-    MissingPackageError,
     ParameterError,
     SignalType,
     Variant,
@@ -29,9 +28,9 @@ from blocks.core import (
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
-from runtime.errors import MissingExtraError, Problems, raised_at
-from runtime.network.addresses import Endpoint
+from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
+from runtime.network.contexts import check_contexts, failure_text
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -40,7 +39,6 @@ from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.open_inputs import open_notes, report_open_inputs
 from runtime.network.removal import remove
 from runtime.network.scope import Scope
-from runtime.network.shapes import MAX_BYTES, whole_shape
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
 
@@ -110,7 +108,7 @@ def build(
     check_enabling(network, problems)
     if not problems.items:
         report_open(network, problems)
-    missing = _check_contexts(network, problems) if can_run else None
+    missing = check_contexts(network, problems) if can_run else None
     if not problems.items:
         initial, notes = read_initial(network, problems)
         network = replace(network, initial=initial, notes=(*network.notes, *notes))
@@ -265,7 +263,7 @@ def _construct(
                 where = place_of(node, parameter)
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
-        problems.add(node.key, address, _failure(cls, error))
+        problems.add(node.key, address, failure_text(cls, error))
     return None, []
 
 
@@ -360,11 +358,6 @@ def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) ->
     return notes
 
 
-def _failure(cls: type[Block], error: BaseException) -> str:
-    place = raised_at(error)
-    return f"{cls.__name__} failed: {type(error).__name__}: {error}{f' ({place})' if place else ''}"
-
-
 def _ticks(node: Node | None, network: Network, address: str, problems: Problems) -> int:
     """How many base ticks lie between two ticks of a block."""
     value = None if node is None else seconds(node, f"{address}.dt", problems)
@@ -381,68 +374,3 @@ def _ticks(node: Node | None, network: Network, address: str, problems: Problems
         problems.add(node.where, f"{address}.dt", message)
         return 1
     return whole
-
-
-def _shape_problem(network: Network, name: str) -> str:
-    """Which of a block's arrays cannot be allocated, and why; '' if all can."""
-    spec = network.entries[name].cls.spec
-    for key in (*spec.states, *spec.outputs):
-        shape = whole_shape(network, Endpoint(name, key)) or ()
-        size = 8 * math.prod(shape)
-        if any(n < 0 for n in shape):
-            return f"state '{key}' has a negative length"
-        if size > MAX_BYTES:
-            # A product of integers has no limit, and a float has.
-            return f"'{key}' would take {min(size, 10**300) / 1024**3:.4g} GiB; make it smaller"
-    return ""
-
-
-def _count_problem(network: Network, name: str) -> str:
-    """Which variadic input does not have as many wires as its block says; '' if none."""
-    entry = network.entries[name]
-    for key, port in entry.cls.spec.inputs.items():
-        if isinstance(port.variadic, str):
-            expected_count = entry.block.value(port.variadic)
-            count = len(network.terms.get((name, key), ()))
-            if count != expected_count:
-                return (
-                    f"input '{key}' takes {port.variadic} = {expected_count} wires, {count} are "
-                    f"connected; change one of the two"
-                )
-    return ""
-
-
-def _check_contexts(network: Network, problems: Problems) -> MissingPackageError | None:
-    """Let each block check its context, once all its ports have types.
-
-    Returns the error of a block that needs a package that is not installed: the graph is right.
-    """
-    missing: MissingPackageError | None = None
-    # A wire from a block of an unknown type is missing for a reason that is reported already.
-    removed = {(wire.block, wire.port) for wire in network.removed_wires}
-    lost = {at for at, flags in network.terms.items() if not all(flags)}
-    incomplete = {block for block, _ in lost - removed}
-    for name, entry in network.entries.items():
-        if (
-            entry.block_or_none is None
-            or not network.is_typed(name)
-            or network.waits(name)
-            or name in incomplete
-        ):
-            continue
-        try:
-            context = network.context(name)
-            message = _count_problem(network, name) or _shape_problem(network, name)
-            if message:
-                problems.add(entry.node.key, entry.address, message)
-                continue
-            entry.block.validate_in(context)
-        except ParameterError as error:
-            for parameter, text in error.problems:
-                where = place_of(entry.node, parameter)
-                problems.add(where, f"{entry.address}.{parameter}", text)
-        except MissingPackageError as error:
-            missing = error
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
-            problems.add(entry.node.key, entry.address, _failure(entry.cls, error))
-    return missing

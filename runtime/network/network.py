@@ -10,6 +10,7 @@ and reports read::
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -27,10 +28,14 @@ Port = tuple[str, str]
 
 
 def place_of(node: Node, parameter: str) -> Where:
-    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    """Where a parameter is written, or the part of it that ``a.b`` or ``a[1]`` names; else the
+    block.
+    """
     where, item = node.key, node
-    for name in parameter.split("."):
+    for name in re.findall(r"[^.\[\]]+", parameter):
         inner = item.get(name) if item.is_map else None
+        if item.is_list and name.isdecimal() and int(name) < len(item.value):
+            inner = item.value[int(name)]
         if inner is None:
             break
         where, item = inner.where, inner
@@ -123,6 +128,7 @@ class Network:
     signal_types : those that the graph's own blocks define, by name.
     notes : what looks wrong but can run.
     time_unit : what dt, until and all times of its blocks are in.
+    loops : whether an algebraic loop is an "error", or the run has to "solve" it.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -146,6 +152,7 @@ class Network:
     states: str = "small"
     time_unit: str = SECOND
     events: str = "located"
+    loops: str = "error"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)

@@ -139,8 +139,20 @@ def _bypass_wire(
     if removed.get(name) == "without":
         return f"'{name}' is in 'without' as well; keep one of the two"
     if pair is None:
-        kind = entry.cls.__name__
-        return f"'{name}' ({kind}) has no pass-through; 'without: [{name}]' removes it"
+        message = f"'{name}' ({entry.cls.__name__}) has no pass-through; "
+        readers = [wire for wire in network.wires if wire.source.block == name]
+        ports = [network.entries[wire.block].cls.spec.inputs[wire.port] for wire in readers]
+        needed = [
+            wire.target
+            for wire, port in zip(readers, ports, strict=True)
+            if port.spread or not port.optional
+        ]
+        if not needed:
+            return f"{message}'without: [{name}]' removes it"
+        return (
+            f"{message}to leave it out, wire another signal to {' and '.join(needed)}, then "
+            f"write 'without: [{name}]'"
+        )
     for wire in network.wires:
         if (wire.block, wire.port) == (name, pair[0]):
             return wire

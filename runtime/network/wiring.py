@@ -107,8 +107,10 @@ class Wiring:
     def unknown_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
         inputs = self.inputs(scope, name)
         full = scope.prefix + name
-        # The input is connected, if by a misspelt name.
-        self.connected.add((full, closest(port, inputs)))
+        # The input is connected, if by a misspelt name; by which one is not known where none is
+        # similar.
+        near = closest(port, inputs)
+        self.connected |= {(full, each) for each in ([near] if near else inputs)}
         suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
         entry = self.network.entries.get(full)
         relative = relative_with(entry.cls, port) if entry is not None else ""

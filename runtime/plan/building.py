@@ -27,20 +27,22 @@ from runtime.plan.moving import Evaluated, again, continuous_row, declared_state
 from runtime.plan.operations import (
     Call,
     Crossing,
+    Gate,
     Integrate,
     Operation,
     Plan,
     Record,
     Restore,
+    Solve,
     Stop,
     Test,
     Zero,
+    calls_in,
 )
 from runtime.plan.order import ordered
 from runtime.plan.passes import coupled
 from runtime.plan.values import (
     Argument,
-    Gate,
     GuardSlot,
     Port,
     Signal,
@@ -105,7 +107,10 @@ class _Builder:
     def plan(self) -> Plan:
         """All operations, in order."""
         network = self.network
-        evaluations = [(call, tuple(self.after(call))) for call in self.evaluations()]
+        evaluations = [
+            (each, tuple(test for call in calls_in([each]) for test in self.after(call)))
+            for each in self.evaluations()
+        ]
         records = list(self.records())
         stop = self.stop()
         operations: list[Operation] = [op for call, rest in evaluations for op in (call, *rest)]
@@ -124,8 +129,8 @@ class _Builder:
             self.states,
         )
 
-    def evaluations(self) -> list[Call]:
-        """The calls that compute outputs, in order."""
+    def evaluations(self) -> list[Call | Solve]:
+        """The calls that compute outputs, and loops of them, in order."""
         calls = []
         for name, entry in self.network.entries.items():
             for evaluation in entry.evaluations:
@@ -137,7 +142,7 @@ class _Builder:
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
                 gate = Gate(entry.every, switches, once=constant)
                 calls.append(self.call(name, evaluation, outputs, gate))
-        return ordered(calls, self.wires)
+        return ordered(calls, self.wires, self.network.loops == "solve")
 
     def call(
         self, name: str, evaluation: Evaluation, writes: tuple[Target, ...], gate: Gate

@@ -18,20 +18,8 @@ from typing import Any
 
 from blocks.core import SignalType
 from runtime.network import first_column
-from runtime.plan.operations import (
-    Call,
-    Operation,
-    Restore,
-    Test,
-    Zero,
-)
-from runtime.plan.values import (
-    ALWAYS,
-    Argument,
-    Gate,
-    Signal,
-    Source,
-)
+from runtime.plan.operations import ALWAYS, Call, Gate, Operation, Restore, Test, Zero
+from runtime.plan.values import Argument, Signal, Source
 
 
 def numbers_in(kind: SignalType) -> int:

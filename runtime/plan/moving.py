@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Sequence
 
 from runtime.network import Network, state_shape
-from runtime.plan.operations import Call, Operation, Stop
+from runtime.plan.operations import Call, Operation, Solve, Stop
 from runtime.plan.values import Port, Row, Signal, Slot, StateArray
 
-Evaluated = tuple[Call, tuple[Operation, ...]]  # a call, and what belongs to it
+Evaluated = tuple[Call | Solve, tuple[Operation, ...]]  # a call, or a loop, and its tests
 
 
 def declared_states(network: Network, name: str) -> tuple[StateArray, ...]:
@@ -65,7 +65,7 @@ def read_by(operations: Iterable[Operation]) -> list[Port]:
     """The signals that calls, and the conditions of a stop, read."""
     found: list[Signal] = []
     for each in operations:
-        if isinstance(each, Call):
+        if isinstance(each, (Call, Solve)):
             found += [*each.reads, *each.gate.switches]
         elif isinstance(each, Stop) and isinstance(each.source.whole, Signal):
             found.append(each.source.whole)

@@ -12,6 +12,8 @@ or count them. Each operation prints as one line. Of a Pulse that feeds an Integ
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,9 +23,7 @@ from blocks.core import FloatArray
 from runtime.document import SECOND
 from runtime.plan.coupling import Coupling
 from runtime.plan.values import (
-    ALWAYS,
     Argument,
-    Gate,
     GuardSlot,
     Row,
     Signal,
@@ -32,6 +32,31 @@ from runtime.plan.values import (
     StateArray,
     Target,
 )
+
+
+@dataclass(frozen=True)
+class Gate:
+    """When an operation is done.
+
+    every : on each tick that is a multiple of this.
+    switches : outputs that must all be on: those of the parts around a block, the outer ones first.
+    is_off : the other way round: while one of the switches is off.
+    once : before the first tick, and not again.
+    """
+
+    every: int = 1
+    switches: tuple[Signal, ...] = ()
+    is_off: bool = False
+    once: bool = False
+
+    def __str__(self) -> str:
+        names = " and ".join(map(str, self.switches))
+        parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
+        parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
+        return f"  [{', '.join(parts)}]" if parts else ""
+
+
+ALWAYS = Gate()
 
 
 @dataclass(frozen=True)
@@ -90,6 +115,58 @@ class Test:
 
     def __str__(self) -> str:
         return f"test      {', '.join(map(str, self.outputs))}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Solve an algebraic loop: signals that its calls compute from themselves.
+
+    unknowns : signals whose values are tried, of type Scalar, a record or an array; with them
+        known, ``calls`` can be done in order, and compute them again.
+    path : the loop in words.
+    """
+
+    number: int
+    unknowns: tuple[Signal, ...]
+    calls: tuple[Call, ...]
+    path: str
+    gate: Gate = ALWAYS
+
+    @property
+    def block(self) -> str:
+        """None: it belongs to all in the loop."""
+        return ""
+
+    @property
+    def blocks(self) -> set[str]:
+        return {call.block for call in self.calls}
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        return tuple(signal for call in self.calls for signal in call.outputs)
+
+    @property
+    def reads(self) -> list[Signal]:
+        return [signal for call in self.calls for signal in call.reads]
+
+    @property
+    def slots(self) -> list[tuple[Signal, int, int]]:
+        """Each unknown, with the first of its numbers among all and the one after its last."""
+        found, start = [], 0
+        for signal in self.unknowns:
+            stop = start + math.prod(signal.kind.shape)
+            found.append((signal, start, stop))
+            start = stop
+        return found
+
+    @property
+    def size(self) -> int:
+        """How many numbers are unknown."""
+        return self.slots[-1][2]
+
+    def __str__(self) -> str:
+        head = f"solve     for {', '.join(map(str, self.unknowns))}{self.gate}"
+        return "\n".join([head, *(f"  {each}" for each in self.calls)])
 
 
 @dataclass(frozen=True)
@@ -250,7 +327,7 @@ class Integrate:
     @property
     def blocks(self) -> set[str]:
         """The blocks that are called."""
-        return {each.block for each in self.between if isinstance(each, Call)}
+        return {call.block for call in calls_in(self.between)}
 
     def __str__(self) -> str:
         lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
@@ -288,7 +365,16 @@ class Store:
         return f"store     {', '.join(map(str, self.signals))}{self.gate}"
 
 
-Operation = Call | Test | Zero | Restore | Record | Stop | Integrate | Load | Store
+Operation = Call | Solve | Test | Zero | Restore | Record | Stop | Integrate | Load | Store
+
+
+def calls_in(operations: Iterable[Operation]) -> Iterator[Call]:
+    """The calls among operations, those in loops included."""
+    for each in operations:
+        if isinstance(each, Call):
+            yield each
+        elif isinstance(each, Solve):
+            yield from each.calls
 
 
 @dataclass(frozen=True)
@@ -309,8 +395,12 @@ class Plan:
     @cached_property
     def evaluations(self) -> tuple[Call, ...]:
         """The calls that compute outputs in order, those of constants included."""
-        calls = (each for each in self.operations if isinstance(each, Call))
-        return tuple(each for each in calls if each.outputs)
+        return tuple(each for each in calls_in(self.operations) if each.outputs)
+
+    @cached_property
+    def loops(self) -> tuple[Solve, ...]:
+        """The algebraic loops that are solved."""
+        return tuple(each for each in self.operations if isinstance(each, Solve))
 
     @cached_property
     def records(self) -> tuple[Record, ...]:

@@ -7,25 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 
 from runtime.plan.coupling import Columns
 from runtime.plan.operations import (
     Call,
+    Gate,
     Integrate,
     Load,
     Operation,
     Record,
+    Solve,
     Stop,
     Store,
     Test,
     Zero,
+    calls_in,
 )
-from runtime.plan.values import (
-    Gate,
-    Port,
-    Row,
-    Signal,
-)
+from runtime.plan.values import Port, Row, Signal
 
 
 def signals_of(operations: Iterable[Operation]) -> set[Port]:
@@ -33,7 +33,7 @@ def signals_of(operations: Iterable[Operation]) -> set[Port]:
     found: set[Port] = set()
     for each in operations:
         values: list[object] = list(each.gate.switches)
-        if isinstance(each, Call):
+        if isinstance(each, (Call, Solve)):
             values += [*each.reads, *each.outputs]
         elif isinstance(each, (Test, Zero)):
             values += each.outputs
@@ -61,13 +61,13 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
     done: list[Operation] = []
     for each in operations:
         if isinstance(each, Integrate):
-            calls = [call for call in each.between if isinstance(call, Call)]
+            calls = list(calls_in(each.between))
             stops = [c.guards.source.whole for c in each.crossings if isinstance(c.guards, Stop)]
             loads += [whole for whole in stops if isinstance(whole, Signal)]
             stage, watch, after = map(_stored, (each.stage, each.watch, each.after))
             done.append(replace(each, stage=stage, watch=watch, after=after))
         else:
-            calls = [each] if isinstance(each, Call) else []
+            calls = list(calls_in([each]))
             done.append(each)
         for call in calls:
             # A call that a switch leaves out stores the outputs as they were.
@@ -83,7 +83,7 @@ def _stored(operations: Sequence[Operation]) -> tuple[Operation, ...]:
     done: list[Operation] = []
     waiting: list[Store] = []
     for each in operations:
-        if isinstance(each, Call):
+        if isinstance(each, (Call, Solve)):
             done += waiting
             waiting = [Store(each.block, each.outputs, Gate(each.gate.every))]
         done.append(each)
@@ -105,6 +105,11 @@ def coupled(
     signals: dict[Port, Columns] = {}
     rates = [0] * row.size
     for call in stage:
+        if isinstance(call, Solve):
+            # Each depends on all that any of them reads.
+            of = [signals.get(signal.key, 0) for signal in call.reads]
+            of += [whole.get(block, 0) for block in call.blocks]
+            signals |= dict.fromkeys((s.key for s in call.outputs), reduce(or_, of, 0))
         if not isinstance(call, Call):
             continue
         read = 0

@@ -1,9 +1,8 @@
-"""What operations read and write: signals, states, arguments of methods; when they are done.
+"""The values of a plan: signals, states, and what reads them.
 
-In go names and types as the network has them, out come values that print as addresses::
-
-    Signal("wave", "out", Scalar)              wave.out
-    Slot("integrator", "integral", (), 0)      integrator.integral
+``plant.pose.x`` is the source of component ``x`` of the signal ``plant.pose``; the argument of an
+input is what is wired to it, in the type that the method takes. All continuous states of a graph
+are one row, in which a state has a slot.
 """
 
 from __future__ import annotations
@@ -128,32 +127,6 @@ class Argument:
 
 
 @dataclass(frozen=True)
-class Gate:
-    """When an operation is done.
-
-    every : on each tick that is a multiple of this.
-    switches : outputs that must all be on: those of the parts around a block, the outer ones first.
-    is_off : the other way round: while one of the switches is off.
-    once : before the first tick, and not again.
-    """
-
-    every: int = 1
-    switches: tuple[Signal, ...] = ()
-    is_off: bool = False
-    once: bool = False
-
-    def __str__(self) -> str:
-        names = " and ".join(map(str, self.switches))
-        parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
-        parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
-        return f"  [{', '.join(parts)}]" if parts else ""
-
-
-ALWAYS = Gate()
-Target = Signal | StateArray
-
-
-@dataclass(frozen=True)
 class Row:
     """The row of all continuous states of a graph, which a solver integrates."""
 
@@ -178,3 +151,6 @@ class Row:
     def at(self, column: int) -> Slot:
         """The slot of a number of the row."""
         return next(slot for slot in self.slots if slot.start <= column < slot.stop)
+
+
+Target = Signal | StateArray

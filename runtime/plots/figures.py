@@ -9,6 +9,7 @@ Figures are made without pyplot, which takes a second to import and keeps every 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from io import BytesIO
@@ -126,6 +127,7 @@ def save_plots(
     look: str = "screen",
     draw_plot: Callable[[PlotSpec], Figure] | None = None,
     progress: Callable[[int, int], None] | None = None,
+    share: bool = False,
 ) -> list[Path]:
     """Write every plot of a run as <name>.png, or in other formats.
 
@@ -137,32 +139,61 @@ def save_plots(
         first such plot raises what matplotlib or the system raised.
     formats : of the files, among :data:`FORMATS`.
     look : of the figures, a name in :data:`runtime.plots.LOOKS`.
-    made : draws a plot in place of :func:`draw`.
+    draw_plot : draws a plot in place of :func:`draw`.
     progress : called with the number of plots that are done, and of all.
+    share : draw in two processes where that is safe, which needs ``note``.
 
     Returns
     -------
     list of Path : the files, in the order of the graph's plots.
     """
-    paths = []
-    for i, plot in enumerate(result.plots):
-        if progress is not None:
-            progress(i, len(result.plots))
-        name = slug(plot.name, "plot")
-        files = [folder / f"{name}.{kind}" for kind in formats]
+    files = [[folder / f"{slug(p.name, 'plot')}.{kind}" for kind in formats] for p in result.plots]
+
+    def reason(i: int) -> str:
+        """Why plot i cannot be drawn or written; '' once its files are there."""
+        plot = result.plots[i]
         try:
             folder.mkdir(parents=True, exist_ok=True)
             figure = draw_plot(plot) if draw_plot is not None else draw(plot, result, look)
-            for path in files:
+            for path in files[i]:
                 save_figure(figure, path)
         except Exception as error:
             if note is None:
                 raise
             text = " ".join((str(error) or type(error).__name__).split())
-            note(f"plot '{plot.name}' is not drawn: {one_line(text[:200])}")
+            return f"plot '{plot.name}' is not drawn: {one_line(text[:200])}"
+        return ""
+
+    paths = []
+    for path, why in zip(files, _each(reason, result.plots, progress, share), strict=True):
+        if note is not None and why:
+            note(why)
         else:
-            paths += files
+            paths += path
     return paths
+
+
+def _each(
+    work: Callable[[int], str],
+    plots: Sequence[PlotSpec],
+    progress: Callable[[int, int], None] | None,
+    share: bool,
+) -> list[str]:
+    """What a function returns for each plot, shared with a fork where it is allowed and safe."""
+    # What a painter of others does in two processes nobody knows.
+    own = all(plot.own is None and plot.kind in PAINTERS for plot in plots)
+    # macOS ends a process that forked after its system libraries were used.
+    if share and own and len(plots) > 1 and sys.platform == "linux":
+        from runtime.plots.sharing import can_share, shared
+
+        if can_share():
+            return shared(work, len(plots), progress)
+    done = []
+    for i in range(len(plots)):
+        if progress is not None:
+            progress(i, len(plots))
+        done.append(work(i))
+    return done
 
 
 def save_figure(figure: Figure, path: Path) -> None:

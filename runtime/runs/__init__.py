@@ -10,34 +10,45 @@ In: a :class:`PreparedRun`. Out: a :class:`Result` in memory, and a folder of fi
 of a run folder, ``draft`` creates run folders in one step and recovers those of killed runs.
 """
 
-from runtime.runs.commit import git_commit
-from runtime.runs.draft import (
-    Draft,
-    leftovers,
-    link_latest,
-    new_folder,
-    recover,
-    remove,
-    save,
-    save_elsewhere,
-)
-from runtime.runs.folder import (
-    DIAGRAM,
-    MANIFEST,
-    METRICS,
-    PROBES,
-    RESOLVED,
-    WRITTEN,
-    contents,
-    portable,
-    read_run,
-    run_folder,
-)
-from runtime.runs.linearization import Linearization, linearize
-from runtime.runs.notebook import Figures
-from runtime.runs.result import Result, open_run
-from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
-from runtime.runs.tables import dataframe
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.runs.commit import git_commit
+    from runtime.runs.draft import (
+        Draft,
+        leftovers,
+        link_latest,
+        new_folder,
+        recover,
+        remove,
+        save,
+        save_elsewhere,
+    )
+    from runtime.runs.equilibrium import Trim, trim
+    from runtime.runs.folder import (
+        DIAGRAM,
+        MANIFEST,
+        METRICS,
+        PROBES,
+        RESOLVED,
+        WRITTEN,
+        contents,
+        portable,
+        read_run,
+        run_folder,
+    )
+    from runtime.runs.linearization import Linearization, linearize
+    from runtime.runs.notebook import Figures
+    from runtime.runs.result import Result, open_run
+    from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+    from runtime.runs.stability import Margins, margins, step_info
+    from runtime.runs.tables import dataframe
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "DIAGRAM",
@@ -49,8 +60,10 @@ __all__ = [
     "Draft",
     "Figures",
     "Linearization",
+    "Margins",
     "PreparedRun",
     "Result",
+    "Trim",
     "at_start",
     "chosen_runner",
     "contents",
@@ -59,6 +72,7 @@ __all__ = [
     "leftovers",
     "linearize",
     "link_latest",
+    "margins",
     "new_folder",
     "open_run",
     "portable",
@@ -69,5 +83,7 @@ __all__ = [
     "save",
     "save_elsewhere",
     "simulate",
+    "step_info",
+    "trim",
     "versions",
 ]

@@ -8,24 +8,33 @@ In: translation units. Out: functions that ctypes can call::
 ``compilers`` finds the compiler, ``store`` is the cache folder, ``library`` compiles and loads.
 """
 
-from runtime.toolchain.compilers import (
-    Compiler,
-    MissingCompilerError,
-    available,
-    find_compiler,
-    install_command,
-)
-from runtime.toolchain.library import (
-    QUICK,
-    THOROUGH,
-    Builder,
-    BuildError,
-    Library,
-    TranslationUnit,
-    build,
-    processors,
-)
-from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.toolchain.compilers import (
+        Compiler,
+        MissingCompilerError,
+        available,
+        find_compiler,
+        install_command,
+    )
+    from runtime.toolchain.library import (
+        QUICK,
+        THOROUGH,
+        Builder,
+        BuildError,
+        Library,
+        TranslationUnit,
+        build,
+        processors,
+    )
+    from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "QUICK",

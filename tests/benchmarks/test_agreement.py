@@ -29,6 +29,7 @@ def rows(run: Run, first: int = 0) -> Run:
     return Run(run.seconds, run.poses[first::EVERY])
 
 
+@pytest.mark.slow
 def test_case_a_by_hand_equals_the_python_engine(numbers: by_hand.CaseA) -> None:
     runs = {
         "ours": case_a.Ours(40, TICKS, "python")(),

@@ -45,6 +45,7 @@ def tried() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(("run", "examples"), list(tried()))
+@pytest.mark.slow
 def test_random_examples_hold(run: Run, examples: int) -> None:
     record = run(examples, 2)
     assert record.failures == (), "\n".join(record.failures)

@@ -29,6 +29,7 @@ def test_every_form_of_an_expression_is_python() -> None:
             compile(text, f"{kind}: {form}", "eval")
 
 
+@pytest.mark.slow
 def test_most_programs_run_without_a_failure() -> None:
     ways = tried([program(1, n) for n in range(100, 300)])
     assert 100 < sum(not way for way in ways.values()) < 200

@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import runtime
 
 GRAPH = Path(__file__).parents[2] / "graphs" / "gallery" / "adaptive_arm.yaml"
 
 
+@pytest.mark.slow
 def test_what_is_learnt_under_one_fault_helps_under_another(tmp_path: Path) -> None:
     arm = runtime.load(GRAPH)
     trained = arm.run(until=8.0).save(tmp_path / "trained")

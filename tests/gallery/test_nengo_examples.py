@@ -107,6 +107,7 @@ def test_every_notebook_has_a_graph_or_a_reason() -> None:
         if name != STEADY
     ],
 )
+@pytest.mark.slow
 def test_means_over_seeds_are_nengos(name: str) -> None:
     seeds = MORE_SEEDS if name in SCATTERED else SEEDS
     radius = RADIUS.get(name, 1.0)

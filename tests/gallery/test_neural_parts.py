@@ -91,6 +91,7 @@ def lorenz(t: float, x: np.ndarray) -> list[float]:
     return [10 * (x[1] - x[0]), -x[0] * x[2] - x[1], x[0] * x[1] - 8 / 3 * (x[2] + 28)]
 
 
+@pytest.mark.slow
 def test_the_lorenz_attractor_has_the_statistics_of_the_equations() -> None:
     """Means and deviations over 8 s, against 200 s of the equations in SciPy."""
     made = graph("lorenz_attractor", {}, 9.0)

@@ -63,6 +63,7 @@ def test_every_experiment_is_part_of_the_study(file: Path) -> None:
 @pytest.mark.parametrize(
     "configuration", CONFIGURATIONS, ids=lambda configuration: configuration.label
 )
+@pytest.mark.slow
 def test_all_variants_build_and_can_be_compared(configuration: Configuration, rule: str) -> None:
     experiment = runs.read(configuration, rule)
     graphs = {variant.name: variant.graph for variant in experiment.variants}
@@ -107,6 +108,7 @@ def experiment(configuration: Configuration, rule: str) -> tuple[GraphVariant, .
     return tuple(runs.read(configuration, rule).variants)
 
 
+@pytest.mark.slow
 def test_settings_of_the_trackers_are_those_that_were_found() -> None:
     text = (SHIPPED.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
     tasks = {"line": LINE, "sine": SINE, "gentle": IDEAL}
@@ -169,6 +171,7 @@ def judged() -> Judged:
     return Judged(made_up(error))
 
 
+@pytest.mark.slow
 def test_verdicts_are_those_of_the_numbers(judged: Judged) -> None:
     found = judged(LINE, PRINTED, BASELINE, ALONE)
     assert found.verdict == HELPS

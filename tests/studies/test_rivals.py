@@ -24,6 +24,7 @@ LEARNERS = ("AdaptiveBias", "RateEnsemble", "MRAC")
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("rival", [*TRACKERS, *LEARNERS])
+@pytest.mark.slow
 def test_it_runs_in_every_graph_on_the_same_wires(name: str, rival: str) -> None:
     graph = runtime.load(name)
     ensembles = [key for key in graph.network.entries if key.startswith("adaptive.snn_")]

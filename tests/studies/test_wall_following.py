@@ -39,6 +39,7 @@ def test_the_robust_rule_makes_up_for_half_of_the_turn_rate(seed: int) -> None:
     assert theirs["clearance"] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_robust_rule_forgets_a_fault_that_has_gone() -> None:
     """Half of the turn rate is lost from 60 to 90 s, which nothing was tuned on in this graph."""
     fault = {"gain": [1.0, 0.5], "start": 60.0, "stop": 90.0}
@@ -69,6 +70,7 @@ def test_every_condition_lies_on_either_graph(name: str, condition: str) -> None
         for world in WORLDS
     ],
 )
+@pytest.mark.slow
 def test_the_robot_reaches_a_wall_in_every_world(world: str) -> None:
     path = str(SHIPPED / "worlds" / f"{world}.yaml")
     graph = runtime.load("wall_following").without("adaptive").set("plots", {})

@@ -60,6 +60,7 @@ def test_nothing_that_steers_sees_the_true_pose() -> None:
     assert not any("plant.pose" in wire for wire in used)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits() -> None:
     runs = [quick(GRAPHS[1]).run(seed=seed, until=8.0) for seed in (5, 5, 6)]
     for name in ("physics", "scan", "adaptive"):

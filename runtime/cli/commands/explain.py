@@ -1,4 +1,4 @@
-"""``runtime explain``: show order, rates, types and the generated function."""
+"""``runtime explain``: show order, rates and types, and with --code the generated function."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from runtime.terminal import show, show_json
 if TYPE_CHECKING:
     from runtime.graph import Graph
 
-HELP = "show order, rates, types and the generated function"
+HELP = "show order, rates and types, and the generated function"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -26,11 +26,12 @@ def add(parser: ArgumentParser) -> None:
         type=Path,
         help="write the plots that need no run, as tuning_curves, into this folder",
     )
+    parser.add_argument("--code", action="store_true", help="also print the generated function")
     add_json(parser)
 
 
 def run(options: Namespace) -> int:
-    """Print order, rates, types and the generated function."""
+    """Print order, rates and types, and the generated function if it is asked for."""
     from runtime.cli.explain import explain_json, explain_text
 
     graph = changed_graph(options.graph, options).check()
@@ -38,7 +39,7 @@ def run(options: Namespace) -> int:
     if options.json:
         show_json(explain_json(graph) | {"plots": [str(path) for path in paths]})
     else:
-        show("\n".join(map(str, paths)) if options.plots else explain_text(graph))
+        show("\n".join(map(str, paths)) if options.plots else explain_text(graph, options.code))
     return 0
 
 

@@ -44,9 +44,15 @@ def _changed(graph: Graph, change: str) -> Graph:
     return apply(graph, kind, text).check()
 
 
-def run_rivals(graphs: Mapping[str, Graph], quiet: bool, out: Path) -> dict[str, Result]:
-    """The results of the graphs that are compared with, by change; their folders are written."""
-    return {change: _rival(graph, quiet, out) for change, graph in graphs.items()}
+def run_rivals(
+    graphs: Mapping[str, Graph], graph: Graph, quiet: bool, out: Path
+) -> dict[str, Result]:
+    """The results of the graphs that are compared with ``graph``, by change; their folders are
+    written, and what a change dropped is told."""
+    for change, rival in () if quiet else graphs.items():
+        for note in rival.notes[len(graph.notes) :]:
+            tell(f"note: {change}: {note}")
+    return {change: _rival(rival, quiet, out) for change, rival in graphs.items()}
 
 
 def _rival(graph: Graph, quiet: bool, out: Path) -> Result:

@@ -92,7 +92,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
     others, draws = {}, interrupts.leaves_time
     try:
         if draws and failure is None and (options.vs or not options.no_plots):
-            others = run_rivals(compared, quiet, Path(options.out))
+            others = run_rivals(compared, graph, quiet, Path(options.out))
     except KeyboardInterrupt:
         code, draws = code or 130, False
     if not options.json:
@@ -113,7 +113,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
         _tell_notes(result.notes[earlier:], options)
         show_folder("run", folder, pictures)
         _show_profile(rows)
-    _report_failures(result, failure, folder)
+    _report_failures(result, failure, folder, compared)
     return Done(code, result, [Path(name) for name in graph.texts])
 
 
@@ -140,12 +140,16 @@ def _exit_code(
     return 1 if result.failures else 0
 
 
-def _report_failures(result: Result, failure: SimulationError | None, folder: Path) -> None:
-    """Report failures, and where the recording is."""
+def _report_failures(
+    result: Result, failure: SimulationError | None, folder: Path, compared: Mapping[str, Graph]
+) -> None:
+    """Report failures, where the recording is, and which runs were left out for them."""
     for text in ([str(failure)] if failure else []) + result.failures:
         tell(text)
     if failure is not None:
         tell(f"what was recorded before is kept in {folder}")
+        if compared:
+            tell(f"the run with {' and '.join(compared)} was left out, since this one failed")
     elif result.status == "stopped":
         tell(f"stopped at t = {result.manifest['stopped_at']:g} {result.time_unit} (run.stop)")
     elif result.status == "interrupted":
@@ -217,7 +221,9 @@ def _pictures(
         drawing = Progress("drawing", wanted=wanted)
         formats = _formats(options.figures)
         files += save_plots(
-            *(result, folder / "plots", result.notes.append, formats, options.style, drawn, drawing)
+            *(result, folder / "plots", result.notes.append, formats, options.style, drawn),
+            progress=drawing,
+            share=True,
         )
         drawing.close()
     if options.animate:

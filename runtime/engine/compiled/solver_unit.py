@@ -11,6 +11,7 @@ from typing import Any
 from runtime import engine
 from runtime.codegen import FLOAT, INT, Array, Entry, Type
 from runtime.compiler import salt
+from runtime.engine import loops
 from runtime.engine.events import (
     SEARCH,
     accept,
@@ -35,6 +36,7 @@ from runtime.engine.solvers import (
     Method,
     estimated,
     first_bad,
+    growth,
     judged,
     keep,
     moved,
@@ -78,10 +80,30 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
         again: list[tuple[str, Type]] = [*rows, ("control", control), ("h", FLOAT)]
         entries.append(Entry("solver_refused", "refused", again, [FLOAT]))
-        functions += [substep, estimated, judged, refused]
+        functions += [substep, growth, estimated, judged, refused]
     if part.ends_steps:
         entries += located(len(part.directions))
         functions += [next_end, opened, proposed, nearness, met, accept, decided, guess, noted]
+    return _written("the solver", entries, functions, TITLE)
+
+
+def newton_unit(size: int) -> tuple[TranslationUnit, list[str]]:
+    """The functions that solve an algebraic loop with so many unknowns, as :func:`solver_unit`."""
+    memory, control = Array("float", (loops.SLOPES + size, size)), Array("float", (4,))
+    taken: list[tuple[str, Type]] = [("memory", memory), ("control", control)]
+    entries = [
+        Entry(f"loop_{each.__name__}_{size}", each.__name__, taken, [FLOAT])
+        for each in (loops.begun, loops.newton)
+    ]
+    functions = [loops.begun, loops.newton, loops.column, loops.shift, loops.move]
+    functions += [loops.shorter, loops.linear]
+    title = "Newton's method for an algebraic loop."
+    return _written(f"Newton's method for {size}", entries, functions, title)
+
+
+def _written(
+    name: str, entries: list[Entry], functions: list[Any], title: str
+) -> tuple[TranslationUnit, list[str]]:
     key = f"solver_{digest(salt(engine), repr(entries))}.json"
     record = read_record(key)
     if record is None:
@@ -89,10 +111,10 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         from runtime.codegen import Writer
         from runtime.compiler import translate_functions
 
-        made = Writer(translate_functions(functions)).unit(entries, TITLE)
+        made = Writer(translate_functions(functions)).unit(entries, title)
         record = {"text": made.text, "prototypes": made.prototypes}
         write_record(key, record)
-    return TranslationUnit("the solver", record["text"]), record["prototypes"]
+    return TranslationUnit(name, record["text"]), record["prototypes"]
 
 
 def located(guards: int) -> list[Entry]:

@@ -1,31 +1,41 @@
 """What an experiment varies: factors, seeds, variants; experiment files, and requests."""
 
-from runtime.experiments.design.checks import check_design, check_paths, own_value
-from runtime.experiments.design.entries import Over, Sampler
-from runtime.experiments.design.experiment import (
-    CHANGES,
-    KEYS,
-    PLAN_KEYS,
-    VARIANT_KEYS,
-    Experiment,
-    check_experiment,
-    is_experiment,
-    read_experiment,
-)
-from runtime.experiments.design.factors import Factor, Range, parse_factor
-from runtime.experiments.design.objective import Constraint, Objective
-from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
-from runtime.experiments.design.sampling import Design
-from runtime.experiments.design.search import RunSet, TuningSettings, tuning_of
-from runtime.experiments.design.seeds import Seeds, parse_seeds
-from runtime.experiments.design.variants import (
-    BASELINE,
-    GraphVariant,
-    check_variants,
-    group_changes,
-    removals,
-    slugs,
-)
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.experiments.design.checks import check_design, check_paths, own_value
+    from runtime.experiments.design.entries import Over, Sampler
+    from runtime.experiments.design.experiment import (
+        CHANGES,
+        KEYS,
+        PLAN_KEYS,
+        VARIANT_KEYS,
+        Experiment,
+        check_experiment,
+        is_experiment,
+        read_experiment,
+    )
+    from runtime.experiments.design.factors import Factor, Range, parse_factor
+    from runtime.experiments.design.measurements import Measurement, parse_measurement
+    from runtime.experiments.design.objective import Constraint, Objective
+    from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
+    from runtime.experiments.design.sampling import Design
+    from runtime.experiments.design.search import RunSet, TuningSettings, tuning_of
+    from runtime.experiments.design.seeds import Seeds, parse_seeds
+    from runtime.experiments.design.variants import (
+        BASELINE,
+        GraphVariant,
+        check_variants,
+        group_changes,
+        removals,
+        slugs,
+    )
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "BASELINE",
@@ -39,6 +49,7 @@ __all__ = [
     "Experiment",
     "Factor",
     "GraphVariant",
+    "Measurement",
     "Named",
     "Objective",
     "Over",
@@ -57,6 +68,7 @@ __all__ = [
     "is_experiment",
     "own_value",
     "parse_factor",
+    "parse_measurement",
     "parse_seeds",
     "read_experiment",
     "removals",

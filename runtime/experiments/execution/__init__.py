@@ -1,39 +1,55 @@
 """Running trials: the plan, its folder and index, worker pools, and which runs are kept."""
 
-from runtime.experiments.execution.checksums import check_entries, write_checked
-from runtime.experiments.execution.folder import (
-    DIAGRAMS,
-    PLAN,
-    RUNS,
-    SUMMARY,
-    TABLE,
-    RunOptions,
-    open_folder,
-    read_plan,
-    write_plan,
-)
-from runtime.experiments.execution.index import Columns, Index, Row, check_row, read_rows, remaining
-from runtime.experiments.execution.plan import (
-    GRAPH,
-    INDEX,
-    SCHEMA_VERSION,
-    VARIANTS,
-    ExperimentPlan,
-    Note,
-    VariantBundle,
-    ablation_plan,
-    bundle_for,
-    bundles_of,
-    checked_plan,
-    engine_for,
-    metrics_of,
-    sweep_plan,
-)
-from runtime.experiments.execution.retention import RetentionPolicy, save_trial
-from runtime.experiments.execution.runner import run_all, run_trials
-from runtime.experiments.execution.trials import Configuration, Trial
-from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
-from runtime.experiments.execution.worker_pool import WorkerPool, pool_factory
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.experiments.execution.checksums import check_entries, write_checked
+    from runtime.experiments.execution.folder import (
+        DIAGRAMS,
+        PLAN,
+        RUNS,
+        SUMMARY,
+        TABLE,
+        RunOptions,
+        open_folder,
+        read_plan,
+        write_plan,
+    )
+    from runtime.experiments.execution.index import (
+        Columns,
+        Index,
+        Row,
+        check_row,
+        read_rows,
+        remaining,
+    )
+    from runtime.experiments.execution.plan import (
+        GRAPH,
+        INDEX,
+        SCHEMA_VERSION,
+        VARIANTS,
+        ExperimentPlan,
+        Note,
+        VariantBundle,
+        ablation_plan,
+        bundle_for,
+        bundles_of,
+        checked_plan,
+        engine_for,
+        metrics_of,
+        sweep_plan,
+    )
+    from runtime.experiments.execution.retention import RetentionPolicy, save_trial
+    from runtime.experiments.execution.runner import run_all, run_trials
+    from runtime.experiments.execution.trials import Configuration, Trial
+    from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
+    from runtime.experiments.execution.worker_pool import WorkerPool, pool_factory
+else:
+    __getattr__ = door(__name__)
 
 __all__ = [
     "DIAGRAMS",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_are
 from scipy.signal import cont2discrete
@@ -19,6 +19,7 @@ import runtime
 from blocks.control.lqr import definiteness, feedback_gain, linearised, riccati
 from blocks.core.signals import FloatArray
 from tests.blocks.direct import state_of
+from tests.examples import examples
 
 Weights = tuple[FloatArray, FloatArray]
 
@@ -119,7 +120,7 @@ def polished(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> Weig
         return p.astype(float), k.astype(float)
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(headings, speeds, steps, models, q_weights, r_weights)
 def test_riccati_and_gain_to_1e_10(
     theta: float, v_r: float, dt: float, model: str, q: FloatArray, r: FloatArray
@@ -132,7 +133,7 @@ def test_riccati_and_gain_to_1e_10(
     assert np.array_equal(p, p.T)
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(headings, speeds, log(0.005, 0.5), q_weights, r_weights)
 def test_riccati_is_scipys(
     theta: float, v_r: float, dt: float, q: FloatArray, r: FloatArray
@@ -227,7 +228,7 @@ def lists(weight: FloatArray) -> list[Any]:
     return list(weight.tolist())
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(headings, speeds, log(0.005, 0.5), models, q_weights, r_weights, poses)
 def test_command_is_the_world_frames(
     theta: float,
@@ -258,7 +259,7 @@ def test_solvers_agree(q: list[float], theta: float) -> None:
     np.testing.assert_allclose(ours, direct, rtol=1e-10)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(headings, speeds, steps, models, q_weights, r_weights)
 def test_closed_loop_is_stable(
     theta: float, v_r: float, dt: float, model: str, q: FloatArray, r: FloatArray
@@ -268,7 +269,7 @@ def test_closed_loop_is_stable(
     assert np.abs(np.linalg.eigvals(a - b @ k)).max() < 1.0
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(headings, speeds, log(0.02, 0.5), q_weights, r_weights, poses)
 def test_cost_paid_and_cost_to_go_are_conserved(
     theta: float,
@@ -294,7 +295,7 @@ def test_cost_paid_and_cost_to_go_are_conserved(
         x = a @ x + b @ u
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(speeds, log(0.01, 0.5), q_weights, r_weights, log(1e-3, 1e3))
 def test_gain_depends_on_the_ratio_of_weights(
     v_r: float, dt: float, q: FloatArray, r: FloatArray, factor: float
@@ -378,7 +379,7 @@ def test_weights_that_see_a_direction_are_solved_anew(
         ({"r": [[0.1, 0.3], [0.3, 0.9]]}, "LQR.r: a weight must be positive definite"),
         ({"q": [1, 1]}, "LQR.q: expected an array of 3 or 3x3 numbers"),
         ({"r": [[1, 0, 0], [0, 1, 0]]}, "LQR.r: expected an array of 2 or 2x2 numbers"),
-        ({"model": "euler"}, "LQR.model: expected one of paper, exact, got the text 'euler'"),
+        ({"model": "euler"}, "LQR.model: expected one of paper, exact, got the string 'euler'"),
     ],
 )
 def test_bad_parameters(parameters: dict[str, Any], message: str) -> None:
@@ -393,7 +394,7 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
     assert [name for name, _ in caught.value.problems] == ["v_r", "q", "r"]
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.lists(st.floats(-1, 1), min_size=6, max_size=6), log(1e-8, 1e8), log(1e-4, 1e4))
 def test_semi_definite_weights_of_any_size_are_taken(
     entries: list[float], scale: float, unit: float

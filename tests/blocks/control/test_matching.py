@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import blocks
 from blocks.core.signals import FloatArray
 from tests.blocks.direct import state_of
+from tests.examples import examples
 
 Pose = tuple[float, float, float]
 
@@ -58,7 +59,7 @@ def test_first_tick_searches_the_whole_path(place: tuple[float, float]) -> None:
     assert distance(SINE, index, *place) == distance(SINE, nearest(SINE, *place), *place)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.lists(places, min_size=2, max_size=6), st.floats(0.1, 30.0))
 def test_later_ticks_search_the_window(spots: list[tuple[float, float]], window: float) -> None:
     walk, spacing = Walk(window=window), math.hypot(*(SINE[1, :2] - SINE[0, :2]))
@@ -73,7 +74,7 @@ def test_later_ticks_search_the_window(spots: list[tuple[float, float]], window:
         last = index
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=2, max_size=8), st.data())
 def test_a_closed_path_has_no_end(spots: list[tuple[float, float]], data: st.DataObject) -> None:
     window = data.draw(st.floats(0.05, 8.0))

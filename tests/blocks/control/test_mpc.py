@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize
@@ -17,12 +17,13 @@ from blocks.control.lqr import linearised
 from blocks.control.tracking import offsets
 from tests.blocks.control.test_trackers import STEP, ask, drive
 from tests.blocks.direct import state_of
+from tests.examples import examples
 
 numbers = st.floats(-0.5, 0.5)
 
 
 @given(numbers, numbers, numbers, st.floats(-7.0, 7.0), st.integers(1, 20))
-@settings(deadline=None, max_examples=30)
+@examples(30)
 def test_without_limits_it_is_the_lqr(
     along: float, lateral: float, heading: float, at: float, steps: int
 ) -> None:
@@ -47,7 +48,7 @@ def cost(commands: np.ndarray, x: np.ndarray, mpc: MPC) -> float:
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-1.5, 1.5), st.floats(-0.5, 0.5), st.floats(-0.4, 0.4))
-@settings(deadline=None, max_examples=10)
+@examples(10)
 def test_at_its_limits_it_is_a_general_solver(
     lateral: float, heading: float, before: float, turn: float
 ) -> None:

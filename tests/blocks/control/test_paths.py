@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline, splev, splprep
@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline, splev, splprep
 import blocks
 from blocks.control.paths import curvature
 from blocks.core.signals import FloatArray
+from tests.examples import examples
 
 BEAN = [[0.0, 0.0], [2.0, -0.3], [3.0, 1.5], [1.2, 2.6], [-0.5, 1.4], [-0.9, 0.6]]
 HILL = [[0.0, 0.0], [1.0, 0.5], [2.1, 0.8], [3.0, 0.7], [4.0, 0.2], [5.1, -0.2], [6.0, -0.1]]
@@ -224,7 +225,7 @@ def test_a_closed_path_turns_once_around(
     assert math.copysign(1.0, area) == turns
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(st.floats(0.2, 8.0), st.integers(12, 40), st.booleans(), st.integers(3, 5))
 def test_waypoints_on_a_circle(radius: float, n: int, clockwise: bool, degree: int) -> None:
     angle = np.linspace(0.0, math.tau, n, endpoint=False) * (-1.0 if clockwise else 1.0)
@@ -273,7 +274,10 @@ def test_curvature_is_zero_where_the_curve_stands() -> None:
         (lambda: blocks.SinePath(x_start=3, x_end=2), "x_end: must lie beyond x_start = 3 m"),
         (lambda: blocks.SinePath(wavelength=0), "wavelength: expected a number above 0 m, got 0"),
         (lambda: blocks.CirclePath(radius=-1), "radius: expected a number above 0 m, got -1"),
-        (lambda: blocks.CirclePath(center=[1, 2, 3]), "center: expected an array of 2 numbers m"),
+        (
+            lambda: blocks.CirclePath(center=[1, 2, 3]),
+            "center: expected an array of 2 numbers in m",
+        ),
         (lambda: blocks.WaypointPath(), "points: missing; expected an array of nx2 numbers"),
         (lambda: blocks.WaypointPath(points=[[0, 0, 0]]), "points: expected an array of nx2"),
         (lambda: blocks.WaypointPath(points=HILL[:3]), "points: a spline of degree 3 needs at lea"),

@@ -112,6 +112,7 @@ class TestAll:
         assert mirrored == pytest.approx((v, -omega), abs=1e-12)
 
     @pytest.mark.parametrize(("v_r", "beside"), [(1.0, 0.2), (0.2, 0.18)])
+    @pytest.mark.slow
     def test_from_any_heading_it_comes_to_the_path(
         self, tracker: type[Block], v_r: float, beside: float
     ) -> None:

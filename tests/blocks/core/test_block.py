@@ -148,7 +148,7 @@ def test_repr_is_how_it_was_made() -> None:
     assert repr(blocks.Saturator(omega_max=1)) == "Saturator(omega_max=1.0)"
     assert repr(blocks.Mux()) == "Mux()"
     made = blocks.ActuatorFault(gain=[1, 0.5], stop=3)
-    assert eval(repr(made), vars(blocks)) == made
+    assert eval(repr(made), {name: getattr(blocks, name) for name in blocks.__all__}) == made
 
 
 def test_a_block_cannot_be_changed() -> None:
@@ -214,7 +214,7 @@ class Odd(Block):
             {"low": "a", "high": 10, "zz": 1},
             [
                 "Odd.zz: unknown parameter; it has low, high, table, rows, needed",
-                "Odd.low: expected a number, got the text 'a'",
+                "Odd.low: expected a number, got the string 'a'",
                 "Odd.high: expected a number at most 9, got 10",
                 "Odd.needed: missing; expected a string: needed",
             ],

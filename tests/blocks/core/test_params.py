@@ -235,7 +235,7 @@ def test_null_is_legal_only_as_the_default() -> None:
 def test_choices() -> None:
     colour = declared("str", choices=("red", "green"))
     assert colour.convert("red") == "red"
-    message = "expected one of red, green, got the text 'gren', did you mean 'green'?"
+    message = "expected one of red, green, got the string 'gren', did you mean 'green'?"
     assert refused(colour, "gren") == message
     assert refused(colour, 3) == "expected one of red, green, got 3"
 
@@ -249,7 +249,7 @@ def test_choices() -> None:
         (declared("bool"), "true or false"),
         (declared("str"), "a string"),
         (declared("array"), "an array of numbers"),
-        (declared("array", shape=[(3,), (None, 2)], unit="m"), "an array of 3 or nx2 numbers m"),
+        (declared("array", shape=[(3,), (None, 2)], unit="m"), "an array of 3 or nx2 numbers in m"),
         (declared("str", choices=("a", "b")), "one of a, b"),
     ],
 )
@@ -263,15 +263,15 @@ def test_descriptions(declaration: Param, words: str) -> None:
         (None, "nothing (null)"),
         (True, "true"),
         (1.5, "1.5"),
-        ("x" * 50, f"the text '{'x' * 37}...'"),
+        ("x" * 50, f"the string '{'x' * 37}...'"),
         ({}, "a mapping"),
         (np.ones((2, 3)), "an array of shape (2, 3)"),
         ((1, 2), "[1, 2]"),
         (list(range(100)), "a list of 100 items"),
         ([1] * 20, str([1] * 20)),  # 60 characters
         ([1] * 19 + [10], "a list of 20 items"),  # 61
-        ("x" * 40, f"the text '{'x' * 40}'"),
-        ("x" * 41, f"the text '{'x' * 37}...'"),
+        ("x" * 40, f"the string '{'x' * 40}'"),
+        ("x" * 41, f"the string '{'x' * 37}...'"),
         (10**39, "1" + "0" * 39),
         (10**40, "1" + "0" * 36 + "..."),
         (10**100, "1" + "0" * 36 + "..."),
@@ -318,7 +318,8 @@ def test_a_typing_error_is_found_among_many_names(seed: int, which: int, at: int
 )
 def test_a_number_with_its_unit_is_answered(value: str, unit: str, advice: str) -> None:
     message = refused(declared("float", unit=unit), value)
-    assert message == f"expected {f'a number {unit}'.strip()}, got the text '{value}'{advice}"
+    expected = f"a number in {unit}" if unit else "a number"
+    assert message == f"expected {expected}, got the string '{value}'{advice}"
 
 
 def test_texts_are_one_or_several() -> None:

@@ -289,6 +289,16 @@ def reserved_state() -> Any:
         dt = State(1)
 
 
+def reserved_input() -> Any:
+    class Bad(Block):
+        state = Input(Scalar)
+
+
+def undocumented() -> Any:
+    class Bad(Block):
+        gain: float = param(1.0)
+
+
 def hidden_method() -> Any:
     class Bad(Block):
         value = State(1)
@@ -365,6 +375,8 @@ def state_like_nothing() -> Any:
         (input_and_output, "Bad.v: the name 'u' is taken by the attribute 'u'"),
         (output_and_state, "Bad.kept: the name 'out' is taken by the attribute 'out'"),
         (reserved_state, "Bad.dt: 'dt' is reserved in states; rename it"),
+        (reserved_input, "Bad.state: 'state' is an argument of every method (self, state, t, ..."),
+        (undocumented, "param() needs a line of documentation: param(1.0, doc='the gain')"),
         (hidden_method, "Bad.value: hides Block.value; rename it, with name='value'"),
         (reserved_parameter, "Bad.kind: 'type' is reserved in graphs; rename it"),
         (dotted, "Bad.u: 'a.b' is not a valid name; use letters, digits and _"),

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 import blocks
+from blocks import index
 from blocks.registry import BUILTIN, blocks_of_module
+from runtime.cli.describe import ROOMS, index_file
 
 SOURCE = '''
 from blocks import Block, Gain, Output, Scalar
@@ -36,6 +39,30 @@ def test_every_built_in_block_can_be_imported_by_its_name() -> None:
     for name, cls in BUILTIN.items():
         assert getattr(blocks, name) is cls
         assert name in blocks.__all__
+
+
+def test_the_index_is_what_the_doors_export() -> None:
+    rooms = {path.parent.name for path in Path(blocks.__file__).parent.glob("*/__init__.py")}
+    assert {*ROOMS, "core"} == rooms
+    assert Path(index.__file__).read_text(encoding="utf-8") == index_file(), (
+        "python -m runtime.cli.describe writes it again"
+    )
+
+
+def test_a_name_that_the_index_lacks_is_found_in_the_text_of_its_door() -> None:
+    code = """if True:
+        from blocks import index
+        del index.TYPES["Gain"], index.OTHERS["scaled"], index.OTHERS["param"]
+        from blocks.generic import Gain, scaled
+        print(Gain.__module__, scaled.__module__)
+        try:
+            from blocks.generic import Gains
+        except ImportError as error:
+            print(error)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.split()[:2] == ["blocks.generic.arithmetic"] * 2, done.stderr
+    assert "cannot import name 'Gains' from 'blocks.generic'" in done.stdout
 
 
 def test_all_names_exist_and_are_sorted() -> None:

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
 from tests.blocks.responses import problems, respond
+from tests.examples import examples
 
 U = np.random.default_rng(0).standard_normal(120)
 PAIR = np.column_stack((U, np.cos(U)))
@@ -41,7 +42,7 @@ def test_a_moving_average(samples: int) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(
     st.lists(st.floats(-2, 2), min_size=1, max_size=4),
     st.lists(st.floats(-0.5, 0.5), min_size=0, max_size=3),

@@ -93,7 +93,7 @@ def test_a_removed_term_takes_its_sign_along() -> None:
         ([1, 2], "signs: expected only 1 and -1, got [1.0, 2.0]"),
         ([0, 1], "signs: expected only 1 and -1"),
         ([[1, 1]], "signs: expected an array of n numbers"),
-        ("+-", "signs: expected an array of n numbers, got the text '+-'"),
+        ("+-", "signs: expected an array of n numbers, got the string '+-'"),
     ],
 )
 def test_bad_signs(signs: Any, message: str) -> None:
@@ -154,7 +154,7 @@ def test_an_open_length_is_the_values_own(signal: str, value: Any, kind: SignalT
         ({"value": [1, 2], "signal": "PointCloud"}, "value: expected 2x2 numbers for PointCloud"),
         ({"value": 1, "signal": "Twits"}, "signal: no signal type 'Twits'; the types are Scalar"),
         ({"value": 1, "signal": "Pose(3)"}, "signal: Pose has no length; write 'Pose'"),
-        ({"value": "1.0"}, "value: expected an array of numbers, got the text '1.0'"),
+        ({"value": "1.0"}, "value: expected an array of numbers, got the string '1.0'"),
         ({"value": math.inf}, "value: expected an array of numbers, got inf"),
     ],
 )

@@ -7,7 +7,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from blocks import ParameterError, World
@@ -17,6 +17,7 @@ from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
 from tests.blocks.outputs import outputs
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, is_free, started, worlds
+from tests.examples import examples
 
 DT = 0.01
 AROUND = bearings(360, -math.pi, math.pi)
@@ -52,7 +53,7 @@ def test_a_moving_robot_scans_from_where_it_is(name: str) -> None:
             assert between(world, pose, outputs(robot, state).scan, 2e-4).all()
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(worlds(), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
 def test_any_world_looks_as_it_does_in_the_plane(world: World, x: float, y: float) -> None:
     assume(is_free(world, np.array([[x, y]]))[0] and world.nearest(x, y)[0] > 0.01)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from blocks import ParameterError
@@ -14,6 +14,7 @@ from blocks.core.signals import FloatArray
 from blocks.mujoco.solid_walls import OVERLAP, THICKNESS, wall_pieces
 from blocks.world.world import World
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
+from tests.examples import examples
 
 ROOMS = [World(OVERLAPPING), *map(World, SHIPPED.values())]
 
@@ -58,7 +59,7 @@ def test_pieces_are_convex_and_leave_free_space_free(world: World) -> None:
     check(world)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(worlds())
 def test_so_they_do_in_any_world(world: World) -> None:
     check(world)

@@ -32,6 +32,7 @@ def graph(folder: Path, neuron: str, name: str = "own") -> None:
     (folder / f"{name}.yaml").write_text(GRAPH.format(neuron=neuron))
 
 
+@pytest.mark.slow
 def test_it_computes_what_the_same_class_of_a_file_does(cli: Run, tmp_path: Path) -> None:
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "mine.py").write_text(MODULE)
@@ -54,6 +55,7 @@ def test_it_computes_what_the_same_class_of_a_file_does(cli: Run, tmp_path: Path
     assert manifest["engine"] == "compiled"
 
 
+@pytest.mark.slow
 def test_a_run_folder_runs_again_and_workers_find_it(cli: Run, tmp_path: Path) -> None:
     graph(tmp_path, PACKAGED)
     assert cli("run", "own.yaml", "--out", "first", "--no-plots").returncode == 0

@@ -45,6 +45,7 @@ def started(block: MRAC) -> BlockState:
     return state
 
 
+@pytest.mark.slow
 def test_it_identifies_a_loss_and_a_bias() -> None:
     """e' = -e + u_a + 0.3 + 0.5 sin t: the weights end at -0.3 and -0.5, as the equations say."""
     block = MRAC(learning_rate=4.0, power=1.0, tau_syn=DT)

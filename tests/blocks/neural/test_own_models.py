@@ -88,6 +88,7 @@ def test_both_engines_step_it_alike(tmp_path: Path) -> None:
     np.testing.assert_allclose(one["out"], other["out"], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_folder_holds_the_file_and_runs_again(cli: Run, tmp_path: Path) -> None:
     made(tmp_path)
     done = cli("run", "own.yaml", "--no-plots")
@@ -99,6 +100,7 @@ def test_a_run_folder_holds_the_file_and_runs_again(cli: Run, tmp_path: Path) ->
     assert np.array_equal(again["out"], open_run(folder)["out"])
 
 
+@pytest.mark.slow
 def test_workers_get_the_file(cli: Run, tmp_path: Path) -> None:
     made(tmp_path)
     options = ["--vary", "a.neurons=[20, 50]", "--seeds", "0..1", "-j", "2", "-q"]

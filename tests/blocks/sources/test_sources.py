@@ -83,6 +83,7 @@ def test_the_power_of_noise_does_not_depend_on_the_step(dt: float) -> None:
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 4.0 / math.sqrt(n)
 
 
+@pytest.mark.slow
 def test_the_density_of_pink_noise_falls_with_the_frequency() -> None:
     dt, n = 0.01, 40_000
     entry = {"type": "PinkNoise", "density": [0.3, 1.2], "lowest": 0.01}

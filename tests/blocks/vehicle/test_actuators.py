@@ -118,8 +118,8 @@ def test_half_the_turn_rate_is_half_the_angle() -> None:
     [
         ({"start": 2.0, "stop": 2.0}, "stop: must lie after start = 2 s, got 2"),
         ({"start": 2.0, "stop": 1.0}, "stop: must lie after start = 2 s, got 1"),
-        ({"stop": math.nan}, "stop: expected a number s, got nan"),
-        ({"start": math.inf}, "start: expected a number s, got inf"),
+        ({"stop": math.nan}, "stop: expected a number in s, got nan"),
+        ({"start": math.inf}, "start: expected a number in s, got inf"),
         ({"gain": 0.5}, "gain: expected an array of 2 numbers, got 0.5"),
         ({"gain": [1.0, math.inf]}, "gain: expected an array of 2 numbers, got [1.0, inf]"),
     ],

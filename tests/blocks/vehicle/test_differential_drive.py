@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -14,6 +14,7 @@ import blocks
 import runtime
 from blocks.core.signals import FloatArray
 from tests.blocks.direct import state_of
+from tests.examples import examples
 
 INTEGRATORS = ["euler", "rk4", "exact"]
 commands = st.tuples(st.floats(-3, 3), st.floats(-5, 5))
@@ -64,7 +65,7 @@ def test_exact_is_a_straight_line_without_turning(omega: float) -> None:
         assert end == pytest.approx(expected, abs=1e-15)
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(st.lists(commands, min_size=1, max_size=8), starts, st.floats(0.01, 0.5))
 def test_exact_is_solve_ivp(
     twists: list[tuple[float, float]], x0: tuple[float, float, float], dt: float
@@ -170,7 +171,7 @@ def test_bad_parameters() -> None:
     with pytest.raises(blocks.ParameterError) as caught:
         blocks.DifferentialDrive(x0=[0, 0], wheel_base=0)
     assert str(caught.value) == ("DifferentialDrive.wheel_base: expected a number above 0 m, got 0")
-    with pytest.raises(blocks.ParameterError, match="x0: expected an array of 3 numbers m, m"):
+    with pytest.raises(blocks.ParameterError, match="x0: expected an array of 3 numbers in m, m"):
         blocks.DifferentialDrive(x0=[0, 0])
     with pytest.raises(blocks.ParameterError, match="integrator: expected one of euler, rk4, exac"):
         blocks.DifferentialDrive(integrator="rk45")

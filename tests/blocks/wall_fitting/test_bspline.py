@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy import interpolate
 
 from blocks.wall_fitting import bspline
+from tests.examples import examples
 
 SIZES = st.integers(0, 7).flatmap(lambda k: st.tuples(st.just(k), st.integers(k + 1, k + 25)))
 PARAMETERS = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20).map(np.array)
@@ -152,7 +153,7 @@ def test_a_fitted_circle_has_its_curvature_and_tangents(turn: float) -> None:
     np.testing.assert_allclose(at.theta, np.unwrap(radial) + turn * 0.5 * math.pi, atol=1e-4)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 1000))
 def test_even_samples_are_even_along_the_arc(seed: int) -> None:
     points = np.cumsum(np.random.default_rng(seed).uniform(0.0, 0.1, (12, 2)), axis=0)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import blocks
@@ -14,6 +14,7 @@ import runtime
 from blocks.wall_fitting.fitter import WallFitter
 from tests.blocks.fitter import Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
+from tests.examples import examples
 
 D = 0.18
 
@@ -44,6 +45,7 @@ def ahead(path: np.ndarray, pose: Pose, metres: float = 0.5) -> np.ndarray:
         pytest.param("least_squares", 0.02, 10.0, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_the_path_is_at_its_distance(
     views: list[tuple[Pose, np.ndarray]], form: str, sigma: float, bound: float
 ) -> None:
@@ -59,6 +61,7 @@ def test_the_path_is_at_its_distance(
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
+@pytest.mark.slow
 def test_the_path_keeps_clear_of_the_walls_seen(
     views: list[tuple[Pose, np.ndarray]], sigma: float
 ) -> None:
@@ -144,7 +147,7 @@ def test_a_wall_on_the_left_is_the_mirror_image() -> None:
         np.testing.assert_allclose(other * (1.0, -1.0), wall, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-9.0, 9.0))
 def test_the_path_moves_with_the_pose(x: float, y: float, theta: float) -> None:
     scan = Room(square(2.0)).cast((0.0, -1.8, 0.0), 90)

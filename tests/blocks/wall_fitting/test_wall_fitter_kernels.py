@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from blocks.wall_fitting import bspline, contour, offset
@@ -23,6 +23,7 @@ from tests.blocks.fitter import Fit, Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
 from tests.blocks.wall_fitting.test_wall_fitter_scans import NOTHING, scans
 from tests.compilers import skip_without_compiler
+from tests.examples import examples
 from tests.runtime.engine.compiled_block import CompiledBlock
 
 FORMS = ("control_points", "least_squares")
@@ -98,6 +99,7 @@ def compare(fitter: Fitter, loops: Loops, scan: np.ndarray, pose: Pose) -> float
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.slow
 def test_rooms(form: str, side: str, degree: int) -> None:
     fitter = Fitter(fit=form, side=side, degree=degree)
     seen = sum(
@@ -137,7 +139,7 @@ REFERENCE = WallFitter.reference
 
 
 @pytest.mark.slow  # the compiler sees a new text for each degree and form of scan
-@settings(max_examples=300)
+@examples(300)
 @given(
     scan=scans(),
     degree=st.integers(2, 7),

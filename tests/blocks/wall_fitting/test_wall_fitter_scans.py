@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.blocks.fitter import Fitter
 from tests.blocks.raycast import Room, square
+from tests.examples import examples
 
 NOTHING = {
     "all misses": np.full(360, math.inf),
@@ -75,7 +76,7 @@ def scans(draw: st.DrawFn) -> np.ndarray:
     return scan
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     first=scans(),
     form=st.sampled_from(["control_points", "least_squares"]),

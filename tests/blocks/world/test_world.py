@@ -14,6 +14,7 @@ from blocks.core.signals import FloatArray
 from blocks.world.surfaces import nearest_kernel
 from blocks.world.world import World
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, brute_distance, is_free, worlds
+from tests.examples import examples
 
 SPACING = 2e-3
 seeds = st.integers(0, 2**32 - 1)
@@ -163,7 +164,7 @@ def test_rays_end_on_the_first_surface(world: World, seed: int) -> None:
     assert world.room is None or hit.all()
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(worlds(), seeds)
 def test_rays_are_as_long_as_walking_by_the_distance_says(world: World, seed: int) -> None:
     """Sphere tracing: a step by the distance cannot miss a surface."""

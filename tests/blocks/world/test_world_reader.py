@@ -33,7 +33,7 @@ SQUARE = [[-2, -2], [2, -2], [2, 2], [-2, 2]]
             {"room": SQUARE, 3: 1},
             [("3", "unknown entry; a world has room, obstacles, circles")],
         ),
-        ({"room": "4x4"}, [("room", "expected a list of corners [x, y], got the text '4x4'")]),
+        ({"room": "4x4"}, [("room", "expected a list of corners [x, y], got the string '4x4'")]),
         (
             {"room": [[0, 0], [1, 0]]},
             [("room", "a polygon needs at least 3 corners, got 2")],

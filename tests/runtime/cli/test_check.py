@@ -106,3 +106,8 @@ def test_a_file_without_blocks_is_named(tmp_path: Path, capsys: pytest.CaptureFi
     empty.write_text("")
     assert cli.run(["check", str(empty)]) == 2
     assert "defines no blocks" in capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["check", "nothere.py"]) == 2
+    assert capsys.readouterr().err == "cannot read 'nothere.py': No such file or directory\n"

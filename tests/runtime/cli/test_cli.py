@@ -158,7 +158,8 @@ def test_explain_prints_order_and_function(cli: Run, small: Path) -> None:
     done = cli("explain", "small.yaml")
     assert done.returncode == 0
     assert re.search(r"limit +100 Hz +limited: Twist, saturated: Scalar from command", done.stdout)
-    assert "def run(" in done.stdout
+    assert "def run(" not in done.stdout
+    assert "def run(" in cli("explain", "small.yaml", "--code").stdout
     facts = json.loads(cli("explain", "small.yaml", "--json").stdout)
     assert facts["order"][0]["block"] == "go"
 
@@ -217,8 +218,10 @@ def test_a_failure_keeps_what_was_recorded(
 ) -> None:
     (tmp_path / "own.py").write_text(FAILING)
     entry = f"{{type: Failing, module: {tmp_path / 'own.py'}, how: {how}}}"
-    done = cli("run", "small.yaml", "--set", f"blocks.bad={entry}", "--wire", "bad.x=plant.pose")
+    changes = ("--set", f"blocks.bad={entry}", "--wire", "bad.x=plant.pose")
+    done = cli("run", "small.yaml", *changes, "--vs", "without=bad")
     assert done.returncode == 3
+    assert "the run with without=bad was left out, since this one failed" in done.stderr
     assert re.search(message, done.stderr)
     assert "Traceback" not in done.stderr
     result = runtime.open(tmp_path / "runs" / "small" / "latest")
@@ -256,6 +259,7 @@ def test_ctrl_c_keeps_what_was_recorded(cli: Run, small: Path, tmp_path: Path) -
     assert np.array_equal(result["plant.pose"], whole["plant.pose"][:rows])
 
 
+@pytest.mark.slow
 def test_a_bar_with_time_left_on_a_terminal_only(terminal: Callable[..., bytes]) -> None:
     seen = terminal("run", "line_actuator_failure", "--no-plots", "--until", "3")
     assert b"s left" in seen
@@ -301,6 +305,7 @@ def test_import_and_help_stay_light() -> None:
         *(pytest.param(closed, marks=pytest.mark.slow) for closed in ("<&-", ">&-", "2>&-")),
     ],
 )
+@pytest.mark.slow
 def test_closed_streams_lose_nothing(script: Path, tmp_path: Path, closed: str) -> None:
     for _ in range(2):  # the second names what the first would have left behind
         command = f"'{script}' run line_actuator_failure --until 0.05 --no-plots {closed}"

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 import runtime
@@ -27,6 +27,7 @@ from runtime.runs.folder import DIAGRAM
 from runtime.runs.result import open_run
 from runtime.terminal import printable
 from tests.conftest import Run
+from tests.examples import examples
 
 # Escape, bell, delete, C1 control sequence introducer, right-to-left override, line separators.
 NASTY = "\x1b[2J\x07\x7f\x9b1m\u202e\u2028\x85\u2066"
@@ -152,7 +153,7 @@ def _places(value: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[*HealthCheck])
+@examples(60, suppress_health_check=[*HealthCheck])
 @given(data=st.data())
 def test_a_diagram_with_something_else_in_it_is_drawn_or_refused(
     stored: Any, data: st.DataObject

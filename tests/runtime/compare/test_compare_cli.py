@@ -112,6 +112,7 @@ def test_changed_code_is_reported(runs: list[str], tmp_path: Path) -> None:
     assert list(item.values) == [digest[:12] for digest in digests]
 
 
+@pytest.mark.slow
 def test_by_tolerance(cli: Run, runs: list[str], tmp_path: Path) -> None:
     done = cli("compare", *runs)
     assert done.returncode == 0

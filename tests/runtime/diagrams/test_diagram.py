@@ -16,7 +16,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 import blocks
@@ -36,6 +36,7 @@ from runtime.diagrams.sheet import BoxPlacement, Sheet, lay_out
 from runtime.document import rate_text
 from runtime.errors import UsageError
 from runtime.network.network import Network
+from tests.examples import examples
 
 ROOT = Path(__file__).parents[3]
 SVG = "{http://www.w3.org/2000/svg}"
@@ -488,7 +489,7 @@ def cell_boxes(
     return found
 
 
-SLOW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+SLOW = examples(60, suppress_health_check=[HealthCheck.too_slow])
 
 
 @SLOW

@@ -81,7 +81,58 @@ def test_a_typo_in_a_type_is_reported_alone() -> None:
     text = problems({"p": {"type": "Sien"}, **joined}, wires)
     assert text == "blocks.p.type: no block type 'Sien', did you mean 'Sine'?"
     removed = problems({"p": {"type": "Sine"}, **joined}, wires, without=["p"])
-    assert "an input's block is removed" in removed
+    assert "the block that was wired to u[0] is removed" in removed
+
+
+def test_nothing_is_printed_that_follows_from_another_error(tmp_path: Path) -> None:
+    """A name that is taken, a file that cannot be read, a block that is removed as well."""
+    (tmp_path / "mine.py").write_text("nothing at all", encoding="utf-8")
+    blocks = {
+        "c": {"type": "Constant", "value": [1.0, 2.0]},
+        "g": {"type": "Function", "expression": ["u[0]", "u[1]"], "constants": {"e": 1.0}},
+        "f": {"type": "Function", "expression": "a + k", "names": ["a", "b", "d", "k"]},
+    }
+    wires: dict[str, Any] = {"g": {"u": "c.value"}, "f": {"u": ["g.out", "c.value"]}}
+    text = problems(blocks, wires)
+    taken = "'e' is the number 2.718 in every expression; choose another name"
+    assert text == f"blocks.g.constants: {taken}"
+    blocks["g"] = {"type": "Mine", "module": str(tmp_path / "mine.py")}
+    blocks["h"] = {"type": "Constant"}
+    wires = {"f": {"u": ["g.out", "c.value", "h.value"]}}
+    broken = problems(blocks, wires, without=["h"])
+    assert "invalid syntax" in broken
+    assert "removed" not in broken
+
+
+def test_a_wrong_input_is_one_error() -> None:
+    """It names no other block where the type has an everyday name, and the input is not open."""
+    wrong = problems({"f": {"type": "Gain", "gain": 2.0}}, {"f": {"u": "s.out"}})
+    assert wrong == "wires.f.u: 'f' has no input 'u'; its inputs: input"
+
+
+def test_advice_about_a_bypass_can_be_followed() -> None:
+    blocks = {"p": {"type": "Sine"}, "g": {"type": "Gain", "gain": 2.0}}
+    message = problems(blocks, {"g": {"input": "p.out"}}, bypass=["p"])
+    assert "wire another signal to g.input, then write 'without: [p]'" in message
+    assert "'without: [p]' removes it" in problems({"p": {"type": "Sine"}}, bypass=["p"])
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("pi", "'pi' is the number 3.142 in every expression; choose another name"),
+        ("sin", "'sin' is a function in every expression; choose another name"),
+        ("u", "'u' is the inputs in every expression; choose another name"),
+        ("t", "'t' is the time in every expression; choose another name"),
+        ("a b", "'a b' is not a valid name; use letters, digits and _"),
+        ("if", "'if' is not a valid name; use letters, digits and _"),
+        ("x", "the name 'x' is given twice"),
+    ],
+)
+def test_each_reason_against_a_name_has_its_message(name: str, message: str) -> None:
+    system = {"type": "DynamicSystem", "initial": 0.0, "derivative": "-x", "states": "x"}
+    text = problems({"d": {**system, "constants": {name: 1.0}}})
+    assert text == f"blocks.d.constants: {message}"
 
 
 @pytest.mark.parametrize(

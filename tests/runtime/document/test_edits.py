@@ -132,7 +132,7 @@ def test_a_wrong_value_is_told_where_it_was_given(graph: runtime.Graph) -> None:
         changed.check()
     assert str(caught.value) == (
         "--set double.gain=x: blocks.double.gain: expected a number or an array of n or mxn "
-        "numbers, got the text 'x'"
+        "numbers, got the string 'x'"
     )
 
 

@@ -54,7 +54,7 @@ CASES = {
     # -- run
     "dt of a text": [
         ("dt: 0.01", "dt: 0.01s"),
-        "g.yaml:2:11: run.dt: expected a number of seconds above 0, got the text '0.01s'",
+        "g.yaml:2:11: run.dt: expected a number of seconds above 0, got the string '0.01s'",
     ],
     "dt forgotten": [
         ("dt: 0.01", "dt: "),
@@ -114,7 +114,7 @@ CASES = {
     "value of a param": [
         ("{type: LinePath}", "{type: LinePath, samples: $n}"),
         "params: {n: many}\n",
-        "g.yaml:18:13: blocks.track.samples: expected an integer at least 2, got the text 'many'",
+        "g.yaml:18:13: blocks.track.samples: expected an integer at least 2, got the string 'many'",
     ],
     "params no mapping": [
         ("{type: LinePath}", "{type: LinePath, y: $a}"),
@@ -141,7 +141,7 @@ CASES = {
     ],
     "block of a text": [
         ("{type: LinePath}", "LinePath"),
-        "g.yaml:4:10: blocks.track: expected {type: ...}, got the text 'LinePath'",
+        "g.yaml:4:10: blocks.track: expected {type: ...}, got the string 'LinePath'",
     ],
     "block name": [
         ("  track: {", "  1track: {"),
@@ -185,18 +185,18 @@ CASES = {
     "degrees where degrees per second are meant": [
         ("  plant: {type", "  limit: {type: Saturator, omega_max: 60 deg}\n  plant: {type"),
         ("wires:\n", "wires:\n  limit: {command: lqr.command}\n"),
-        "g.yaml:9:39: blocks.limit.omega_max: expected a number above 0 rad/s, got the text "
+        "g.yaml:9:39: blocks.limit.omega_max: expected a number above 0 rad/s, got the string "
         "'60 deg'; in degrees, it is 60deg/s",
     ],
     "number with its unit": [
         ("{type: LinePath}", "{type: LinePath, y: 3 m}"),
-        "g.yaml:4:30: blocks.track.y: expected a number m, got the text '3 m'; write the number "
-        "alone, in m",
+        "g.yaml:4:30: blocks.track.y: expected a number in m, got the string '3 m'; write the "
+        "number alone, in m",
     ],
     "decimal comma in a block of lines": [
         ("{type: LinePath}", "\n    type: LinePath\n    y: -3,5"),
-        "g.yaml:6:8: blocks.track.y: expected a number m, got the text '-3,5'; a decimal point is "
-        "a dot: -3.5",
+        "g.yaml:6:8: blocks.track.y: expected a number in m, got the string '-3,5'; a decimal "
+        "point is a dot: -3.5",
     ],
     "two wires to one input": [
         ("pose: plant.pose,", "pose: [plant.pose, plant.pose],"),
@@ -304,7 +304,7 @@ CASES = {
     ],
     "wires of a text": [
         ("  plant: {command: total.out}", "  plant: total.out"),
-        "g.yaml:15:10: wires.plant: expected {input: producer.output}, got the text 'total.out'",
+        "g.yaml:15:10: wires.plant: expected {input: producer.output}, got the string 'total.out'",
     ],
     "not connected": [
         ("{error: error.state, reference: match.reference}", "{reference: match.reference}"),
@@ -348,7 +348,7 @@ CASES = {
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
         "g.yaml:14:19: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these "
-        "wires breaks it",
+        "wires breaks it, and run: {loops: solve} solves it at each tick",
     ],
     # -- removing
     "without nothing": [
@@ -460,7 +460,7 @@ PARTS = {
         with_part(("{graph: p.yaml}", "{graph: p.yaml, params: {k: x}}")),
         PART,
         "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n or mxn numbers, "
-        "got the text 'x'",
+        "got the string 'x'",
     ],
     "param beside params": [
         with_part(("{graph: p.yaml}", "{graph: p.yaml, k: 3}")),
@@ -557,7 +557,7 @@ PARTS = {
         changed(PART, ("a: Twist", "a: Twst"), ("optional: true", "optional: yes")),
         "p.yaml:3:13: blocks.p.inputs.a: no signal type 'Twst'; the types are Scalar, Pose, Twist, "
         "WheelSpeeds, TrackingState, Vector, Spikes, Scan, PointCloud, Path, did you mean 'Twist'?",
-        "p.yaml:3:46: blocks.p.inputs.b.optional: expected true or false, got the text 'yes'",
+        "p.yaml:3:46: blocks.p.inputs.b.optional: expected true or false, got the string 'yes'",
     ],
     "output unknown": [
         with_part(("p.out", "p.ou")),
@@ -674,7 +674,8 @@ def test_every_loop_is_reported(tmp_path: Path) -> None:
         "a.out ▸ b.terms[0] ▸ b.out ▸ a.terms[0]",
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
     )
-    suggestion = "; a UnitDelay on one of these wires breaks it"
+    suggestion = "; a UnitDelay on one of these wires breaks it, and run: {loops: solve} solves it"
+    suggestion += " at each tick"
     assert second == f"g.yaml:17:24: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
 
 

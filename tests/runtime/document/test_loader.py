@@ -247,7 +247,7 @@ REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     ),
     "a param": (
         {"g.yaml": "extends: $base\n"},
-        ["g.yaml:1:10: extends: expected a graph's file or name, got the text '$base'"],
+        ["g.yaml:1:10: extends: expected a graph's file or name, got the string '$base'"],
     ),
     "itself": (
         {"g.yaml": "extends: g.yaml\n"},

@@ -12,7 +12,7 @@ import runtime
 from runtime.diagrams.picture import picture_of
 from runtime.document import TIME_UNITS, in_time, rate_text
 from runtime.errors import GraphError, SimulationError
-from runtime.language.json_schema import json_schema
+from runtime.language.schemas import json_schema
 from runtime.plots.figures import draw
 from runtime.runs import read_run
 from tests.conftest import Run

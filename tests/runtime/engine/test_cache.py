@@ -90,6 +90,7 @@ def test_intact_files_are_not_compiled_again(
     assert before == after
 
 
+@pytest.mark.slow
 def test_two_processes_at_once_on_an_empty_cache(script: Path, tmp_path: Path) -> None:
     graph = tmp_path / "small.yaml"
     graph.write_text(GRAPH)

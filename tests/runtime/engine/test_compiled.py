@@ -380,6 +380,7 @@ def test_profile_times_every_block(cli) -> None:
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_instructions_of_the_processor_change_no_bit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

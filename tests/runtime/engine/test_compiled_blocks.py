@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import blocks
@@ -38,6 +38,7 @@ from runtime.compiler.translate import Translated, translate
 from tests.blocks.direct import PUSH, REQUIRED
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 from tests.compilers import needs_compiler
+from tests.examples import examples
 from tests.runtime.engine.compiled_block import CompiledBlock
 
 Draw = Callable[[np.random.Generator], Any]
@@ -424,6 +425,16 @@ CASES: dict[str, list[Case]] = {
             free=("x",),
         ),
         Case(blocks.DynamicSystem(derivative="-x[0]", initial=1.0), absent=True),
+        Case(
+            blocks.DynamicSystem(
+                derivative=["v", "solve(m + outer(p, p), -r*p) - v/norm(v, 1)"],
+                initial=[1, 0.5, 0, 0.8],
+                states=["p(2)", "v(2)"],
+                constants={"m": [[2, 0.5], [0.5, 1]]},
+                let={"r": "1/norm(p)**3 if norm(p) > 0.1 and det(inv(m)) > 0 else 0"},
+            ),
+            free=("x",),
+        ),
     ],
     "Unicycle": [Case(blocks.Unicycle(), free=("x",))],
     "Bicycle": [Case(blocks.Bicycle(v_max=1.0), free=("x",))],
@@ -658,14 +669,14 @@ def test_a_solver_of_another_library_is_not_compiled() -> None:
 places = st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(worlds(), places)
 def test_nearest_in_loops(world: World, place: tuple[float, float]) -> None:
     found, expected = nearest_kernel(world.arrays, *place), world.nearest(*place)
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(worlds(), st.integers(0, 2**32 - 1))
 def test_nearest_behind_surfaces_is_the_distance(world: World, seed: int) -> None:
     """By an independent computation: World.distance, and the direction of the normal."""
@@ -679,7 +690,7 @@ def test_nearest_behind_surfaces_is_the_distance(world: World, seed: int) -> Non
         assert abs(world.distance(on_surface)[0]) < 1e-9
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(worlds(), places, st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)))
 def test_sliding_in_loops(
     world: World, place: tuple[float, float], way: tuple[float, float]
@@ -697,7 +708,7 @@ def test_sliding_in_loops(
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(worlds(), st.integers(0, 2**32 - 1))
 def test_cast_in_loops(world: World, seed: int) -> None:
     """From generic positions and at generic angles: on a corner, rounding decides."""

@@ -183,6 +183,7 @@ def against(rates: Any, start: list[float], found: np.ndarray, dt: float) -> flo
     return float(abs(found - made.y.T).max())
 
 
+@pytest.mark.slow
 def test_rodas4_is_of_order_4() -> None:
     errors = []
     for step in (0.025, 0.0125):
@@ -193,6 +194,7 @@ def test_rodas4_is_of_order_4() -> None:
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.slow
 def test_rodas4_meets_its_tolerance_on_a_stiff_system(engine: str) -> None:
     """Rates of 1 and 1e6 per second, and a slow input: an explicit method needs 1e6 steps."""
     matrix = [[-1e6, 1e6 - 2.0], [0.0, -1.0]]

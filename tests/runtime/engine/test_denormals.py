@@ -119,6 +119,7 @@ KINDS = {
 
 @pytest.mark.parametrize("runner", ENGINES)
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_a_filter_without_input_holds_no_denormals(kind: str, runner: Any) -> None:
     assert tiny(after(KINDS[kind](), runner)) == {}
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import blocks
 import runtime
 from blocks.core.signals import Same
 from runtime.cli.explain import explain_json
+from tests.examples import examples
 
 
 class Clock(blocks.Block):
@@ -93,7 +94,7 @@ def test_long_chains_run_without_recursion() -> None:
 @given(
     order=st.permutations(range(6)), edges=st.sets(st.tuples(st.integers(0, 5), st.integers(0, 5)))
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_any_acyclic_wiring_computes_what_numpy_does(
     order: list[int], edges: set[tuple[int, int]]
 ) -> None:
@@ -117,7 +118,7 @@ def test_any_acyclic_wiring_computes_what_numpy_does(
 
 
 @given(order=st.permutations(range(5)), every=st.lists(st.integers(1, 3), min_size=5, max_size=5))
-@settings(max_examples=20)
+@examples(20)
 def test_blocks_run_by_rate_and_then_by_name_however_they_are_written(
     order: list[int], every: list[int]
 ) -> None:
@@ -268,7 +269,7 @@ class Spoiler(blocks.Block):
     [("Scalar", 1.0), ("Twist", [1.0, 2.0]), ("Vector(3)", [1.0, 2.0, 3.0])],
 )
 @given(at=st.integers(0, 300))
-@settings(max_examples=8, deadline=None)
+@examples(8)
 def test_a_nan_in_any_signal_is_reported_at_its_tick(signal: str, value: object, at: int) -> None:
     graph = runtime.Graph(dt=0.1, until=40.0)
     graph = graph.add("c", blocks.Constant(value=value, signal=signal)).add("bad", Spoiler(at=at))

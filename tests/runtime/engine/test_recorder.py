@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
 from blocks import Constant, Gain, Sum, UnitDelay
 from runtime.engine import recorder
 from runtime.engine.recorder import Stream, buffer_rows
+from tests.examples import examples
 
 
 def ramp(every: tuple[int, ...], until: float) -> runtime.Graph:
@@ -36,7 +37,7 @@ def ramp(every: tuple[int, ...], until: float) -> runtime.Graph:
     ticks=st.integers(1, 60),
     memory=st.integers(1, 400),
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_rows_on_disk_are_those_in_memory(every: tuple[int, ...], ticks: int, memory: int) -> None:
     graph = ramp(every, ticks * 0.01)
     whole, streamed = graph.run(), graph.set("run.memory", memory).run()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import blocks
@@ -19,6 +19,7 @@ from runtime.engine.compiled import CompiledRunner
 from runtime.engine.runners import CompiledError, RunContext
 from runtime.engine.state import NotCopiedError
 from tests.compilers import needs_compiler
+from tests.examples import examples
 
 FOLDER = Path(runtime.__file__).parents[1] / "graphs"
 PATHS = sorted([*FOLDER.glob("*.yaml"), *(FOLDER / "gallery").rglob("*.yaml")])
@@ -87,7 +88,7 @@ def going_back_changes_nothing(name: str, at: int, span: int, memory: bool) -> N
         assert_same(ran(graph, runner), ran(graph, runner, rewound(at, span)))
 
 
-@settings(max_examples=5, deadline=None)
+@examples(5)
 @given(st.sampled_from(QUICK), st.integers(1, TICKS - 1), st.integers(1, 30), st.booleans())
 def test_a_run_that_goes_back_to_a_checkpoint_is_the_same(
     name: str, at: int, span: int, memory: bool
@@ -132,7 +133,7 @@ def a_failure_goes_on_in_python(name: str, at: int, memory: bool) -> None:
         np.testing.assert_allclose(values, python.arrays[key], 1e-7, 1e-7, err_msg=key)
 
 
-@settings(max_examples=5, deadline=None)
+@examples(5)
 @given(st.sampled_from(QUICK), st.integers(1, TICKS - 1), st.booleans())
 def test_a_failure_of_compiled_code_goes_on_with_pythons_numbers(
     name: str, at: int, memory: bool

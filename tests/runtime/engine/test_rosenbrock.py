@@ -141,6 +141,7 @@ def test_what_depends_on_what_is_read_from_wires_and_blocks() -> None:
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.slow
 def test_coloured_differences_solve_what_scipy_solves(engine: str) -> None:
     result = runtime.load(yaml.safe_load(GRAPH)).run(engine=engine)
 

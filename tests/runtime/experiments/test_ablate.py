@@ -186,6 +186,7 @@ def test_each_block_of_case_a() -> None:
     assert not [variant for variant in less if "adaptive" in variant.name]
 
 
+@pytest.mark.slow
 def test_variants_see_the_same_noise_and_neurons(here: Run, tmp_path: Path) -> None:
     case = ("ablate", "sine_estimation_error", "--until", "0.2", "--seeds", "1,4", "-j", "2")
     done = here(*case, "--without", "adaptive.snn_v", "--bypass", "limit", "--json")
@@ -263,7 +264,7 @@ def test_a_folder_of_older_ablations_is_left_alone(here: Run, draw: Path, tmp_pa
         (["--variant", ""], "'' is not a valid name for a variant"),
         (["--bypass", "sum"], "variant 'bypass sum' cannot run:"),
         (["--replace", "half=Gian"], "no block type 'Gian', did you mean 'Gain'?"),
-        (["--seeds", "two"], "expected seeds such as 0..9, 3 or 0,4,7..9, got the text 'two'"),
+        (["--seeds", "two"], "expected seeds such as 0..9, 3 or 0,4,7..9, got the string 'two'"),
         (["--set", "metrics={}"], "the graph has no metrics to compare variants by"),
         (["--set", "metrics.variant={kind: final, of: draw.out}"], "metric 'variant': the name is"),
         (["--test", "z"], "invalid choice: 'z'"),

@@ -108,6 +108,7 @@ def test_an_ablation_on_a_cluster_that_loses_a_worker_gives_the_same_index(
 
 
 @needs_dask
+@pytest.mark.slow
 def test_a_tuning_on_a_cluster_tries_the_same_configurations(
     here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:

@@ -60,7 +60,7 @@ def test_grids(text: str, values: list[Any]) -> None:
         ("log(0..1):3", "expected ends above 0 in log(...), got 0"),
         ("int(1.5..3):2", "expected integers in int(...), got 1.5"),
         ("int(1..3):9", "there are only 3 integers from 1 to 3"),
-        ("1..x:3", "expected numbers as the ends of a range, got the text 'x'"),
+        ("1..x:3", "expected numbers as the ends of a range, got the string 'x'"),
         ("1...inf:3", "expected numbers as the ends of a range, got inf"),
         ("[]", "an empty list"),
         ("[1, 2, 1]", "duplicate value 1"),
@@ -150,8 +150,8 @@ def test_seeds(value: Any, seeds: list[int]) -> None:
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("x", "got the text 'x'"),
-        ("1..x", "got the text '1..x'"),
+        ("x", "got the string 'x'"),
+        ("1..x", "got the string '1..x'"),
         (-1, "got -1"),
         (1.5, "got 1.5"),
         (True, "got true"),

@@ -73,6 +73,7 @@ def test_means_over_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: 
     assert read_sweep(folder).is_partial("above_two").sum() == 4
 
 
+@pytest.mark.slow
 def test_means_over_some_of_the_seeds_are_marked_where_numbers_have_no_room(
     here: Run, draw: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

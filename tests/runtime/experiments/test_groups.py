@@ -85,6 +85,7 @@ def test_runs_that_recorded_the_same_are_one() -> None:
     assert (one.n, one.is_same, three.n, three.is_same) == (1, True, SEEDS, False)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_sweep() -> None:
     found = tally()
     peaks = []

@@ -147,6 +147,7 @@ for number in range(1000):
 
 
 @pytest.mark.parametrize("spare", [0, 1, 17])
+@pytest.mark.slow
 def test_a_row_that_does_not_fit_leaves_nothing_of_itself(path: Path, spare: int) -> None:
     # A limit on file sizes simulates the full disk: the last write is incomplete as well.
     header, line = len(path.read_bytes()), len(COLUMNS.line(row(0)).encode())

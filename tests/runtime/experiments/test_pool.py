@@ -336,6 +336,7 @@ def test_temporary_files_of_workers_are_removed_with_their_fork_server() -> None
     assert not folder.parent.exists()
 
 
+@pytest.mark.slow
 def test_a_spawned_worker_that_hangs_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(choice, "make", Spawner)
     monkeypatch.setattr(choice, "_spare", [])

@@ -41,6 +41,7 @@ def kill_after(process: subprocess.Popen[bytes], index: Path, rows: int, jitter:
 
 
 @pytest.mark.parametrize("keep", [pytest.param("none", marks=pytest.mark.slow), "best:3"])
+@pytest.mark.slow
 def test_killed_and_resumed_is_never_killed(
     script: Path, here: Run, draw: Path, tmp_path: Path, keep: str
 ) -> None:
@@ -70,6 +71,7 @@ def test_killed_and_resumed_is_never_killed(
     assert len(log.read_text().splitlines()) == started
 
 
+@pytest.mark.slow
 def test_workers_do_not_outlive_a_sweep_that_is_killed(
     script: Path, draw: Path, tmp_path: Path
 ) -> None:
@@ -80,6 +82,7 @@ def test_workers_do_not_outlive_a_sweep_that_is_killed(
         process.communicate(timeout=60)
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_rows_and_says_how_to_go_on(
     script: Path, here: Run, draw: Path, tmp_path: Path
 ) -> None:
@@ -111,6 +114,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_reported_and_what_was_written_stays(
     here: Run, draw: Path, tmp_path: Path
 ) -> None:

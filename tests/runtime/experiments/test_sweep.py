@@ -129,6 +129,7 @@ def test_an_experiment_file_from_any_folder(cli: Run, draw: Path, tmp_path: Path
     assert all(row["total"] == row["drawn"] for row in rows(folder))
 
 
+@pytest.mark.slow
 def test_an_error_of_a_trial_is_in_its_row(here: Run, draw: Path, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
     done = here(

@@ -95,6 +95,7 @@ def bits(done: TrialResult) -> object:
 
 
 @pytest.mark.parametrize("engine", [pytest.param("python", marks=pytest.mark.slow), "compiled"])
+@pytest.mark.slow
 def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
     restless: None, tmp_path: Path, engine: str
 ) -> None:
@@ -108,6 +109,7 @@ def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
         assert [bits(done) for done in found] == expected
 
 
+@pytest.mark.slow
 def test_threads_that_share_a_checked_graph_write_its_plan_without_each_other(
     restless: None,
 ) -> None:

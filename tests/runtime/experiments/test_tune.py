@@ -96,6 +96,7 @@ class TestTheCommand:
             assert one["runs"] == (3 if one["status"] == "complete" else one["runs"] or 0)
 
     @pytest.mark.parametrize("sampler", ["tpe", "nsga2", "sobol", "random"])
+    @pytest.mark.slow
     def test_the_same_seed_gives_the_same_trials_with_any_workers(
         self, here: Run, draw: Path, tmp_path: Path, sampler: str
     ) -> None:
@@ -177,6 +178,7 @@ class TestTheCommand:
 
 
 class TestSurvival:
+    @pytest.mark.slow
     def test_killed_and_resumed_is_never_killed(
         self, script: Path, here: Run, draw: Path, tmp_path: Path
     ) -> None:
@@ -197,6 +199,7 @@ class TestSurvival:
         for name in ("index.csv", "held_out.csv"):
             assert rows(folder, name) == rows(tmp_path / "tunings" / "whole", name)
 
+    @pytest.mark.slow
     def test_ctrl_c_keeps_what_is_done_and_resume_completes_it(
         self, script: Path, here: Run, draw: Path, tmp_path: Path
     ) -> None:

@@ -44,6 +44,7 @@ class Squared(Block):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_neurons_survive_an_input_that_is_not_finite(tmp_path: Path) -> None:
     graph = runtime.Graph("neurons", dt=0.001, until=0.2)
     graph = graph.add("signal", blocks.Sine(amplitude=0.9))
@@ -129,6 +130,7 @@ HOSTILE = [
 
 @needs_compiler
 @pytest.mark.parametrize("kind", ["Gain", "UnitDelay", "Lowpass"])
+@pytest.mark.slow
 def test_blocks_and_parts_may_have_any_name(kind: str, tmp_path: Path) -> None:
     options = {"Gain": ", gain: 2.0", "UnitDelay": "", "Lowpass": ", tau: 0.05"}[kind]
     lines = ["graph: '*/ #error \\'", "run: {dt: 0.01, until: 0.2}", "blocks:", "  x: {type: Sine}"]

@@ -124,6 +124,7 @@ def test_what_a_graph_may_also_say_is_valid(old: str, new: str) -> None:
     assert checked(CASE_C.read_text(encoding="utf-8").replace(old, new, 1))
 
 
+@pytest.mark.slow
 def test_the_command_prints_it(cli: Run) -> None:
     assert json.loads(cli("schema").stdout) == json_schema()
 

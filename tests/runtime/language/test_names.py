@@ -118,6 +118,7 @@ def after(project: Project, marked: str, new: str, path: Path = CASE_C) -> dict[
     ("marked", "new"),
     [("  lq¦r: {type", "steering"), ("fau¦lt.actual", "broken"), ("rate_¦v:", "speed_rate")],
 )
+@pytest.mark.slow
 def test_a_renamed_graph_still_has_no_problems(shipped: Project, marked: str, new: str) -> None:
     """Every file that shares the name is edited, and none of them has a problem afterwards."""
     texts = after(shipped, marked, new)

@@ -102,11 +102,13 @@ def _receive(stream: IO[bytes], answers: dict[int, Any], published: list[Any]) -
 TEXT = "graph: g\nblocks: {a: {type: Constant, value: 1}, b: {type: Constant, value: 2}}\n"
 
 
+@pytest.mark.slow
 def test_a_session_ends_as_the_editor_asks(script: Path) -> None:
     code, _, published, errors = session(script, opened(TEXT))
     assert (code, published, errors) == (0, [[]], "")
 
 
+@pytest.mark.slow
 def test_a_session_over_a_port_ends_as_the_editor_asks(port: socket.socket) -> None:
     port.sendall(message("initialize", 1) + message("shutdown", 2) + message("exit"))
     with port.makefile("rb") as stream:
@@ -120,6 +122,7 @@ def test_a_session_over_a_port_ends_as_the_editor_asks(port: socket.socket) -> N
         ("b", "there is a block 'b' already"),
     ],
 )
+@pytest.mark.slow
 def test_a_refused_rename_is_an_answer_and_nothing_else(
     script: Path, name: str, reason: str
 ) -> None:
@@ -129,6 +132,7 @@ def test_a_refused_rename_is_an_answer_and_nothing_else(
     assert answers[1] == {"code": -32602, "message": reason}
 
 
+@pytest.mark.slow
 def test_a_text_that_is_too_large_to_be_checked_blocks_nothing(script: Path) -> None:
     lines = (f"  b{i}: {{type: Constant, value: {i}, typo: 1}}" for i in range(45_000))
     text = "graph: g\nblocks:\n" + "\n".join(lines) + "\n"
@@ -147,6 +151,7 @@ def test_a_text_that_is_too_large_to_be_checked_blocks_nothing(script: Path) -> 
     assert (answers[1]["items"], answers[2]) == ([], [])
 
 
+@pytest.mark.slow
 def test_an_editor_connects_to_a_port(port: socket.socket) -> None:
     port.sendall(message("initialize", 1))
     seen = b""
@@ -155,6 +160,7 @@ def test_an_editor_connects_to_a_port(port: socket.socket) -> None:
     assert seen.startswith(b"Content-Length: ")
 
 
+@pytest.mark.slow
 def test_an_http_request_is_not_taken_for_an_editor(port: socket.socket) -> None:
     """A web page could otherwise send messages to the port."""
     body = message("initialize", 1)

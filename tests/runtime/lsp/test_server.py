@@ -316,6 +316,7 @@ def _get(found: Any, key: str) -> str:
     return str(found[key] if isinstance(found, dict) else getattr(found, key))
 
 
+@pytest.mark.slow
 async def test_a_graph_is_run(client: LanguageClient, tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(SMALL, encoding="utf-8")

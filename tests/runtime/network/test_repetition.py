@@ -120,7 +120,7 @@ def test_a_run_of_repeated_parts_runs_again_from_its_folder(cli: Run, tmp_path: 
     ("kind", "more", "wires", "message"),
     [
         ("Scalar", "    repeat: 0\n", {}, "blocks.bank.repeat: expected how often the part is"),
-        ("Scalar", "    repeat: many\n", {}, "1 to 20000, got the text 'many'"),
+        ("Scalar", "    repeat: many\n", {}, "1 to 20000, got the string 'many'"),
         ("Scalar", "    repeat: 30000\n", {}, "1 to 20000, got 30000"),
         ("Scalar", "    share: [k]\n", {}, "only a part with 'repeat' shares inputs"),
         ("Scalar", "    repeat: 6\n    share: [j]\n", {}, "the part has no input 'j'"),

@@ -146,7 +146,7 @@ def test_degrees_may_be_written_where_radians_are_asked_for(text: str, degrees: 
 
 @pytest.mark.parametrize("pose", [("90deg", 0, 0), (0, 0, "90 degrees"), (0, 0, "90deg/s")])
 def test_degrees_are_read_strictly(pose: tuple[object, ...]) -> None:
-    message = "blocks.plant.x0: expected an array of 3 numbers m, m, rad, got "
+    message = "blocks.plant.x0: expected an array of 3 numbers in m, m, rad, got "
     assert refused(turned(*pose)).startswith(message)
 
 

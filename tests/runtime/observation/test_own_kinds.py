@@ -99,7 +99,7 @@ def test_workers_get_the_file(cli: Run, graph: Path) -> None:
         ("kind: percentil, module: kinds/mine.py", "did you mean 'percentile'"),
         (
             "kind: stairs, module: kinds/mine.py",
-            "expected a MetricKind of that file, got the text 'stairs'",
+            "expected a MetricKind of that file, got the string 'stairs'",
         ),
         ("module: kinds/mine.py", "kind: expected a MetricKind of that file, got nothing"),
         ("kind: p, module: kinds/none.py", "metrics.p.module: no such file: 'kinds/none.py'"),

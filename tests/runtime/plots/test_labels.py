@@ -48,6 +48,7 @@ def named(result: Result, plot: str) -> list[str]:
     return [text.get_text() for each in legends if each is not None for text in each.get_texts()]
 
 
+@pytest.mark.slow
 def test_labels_of_probes_are_shown_and_stored(file: Path, tmp_path: Path) -> None:
     result = runtime.load(file).run()
     again = runtime.open(result.save(tmp_path / "run"))
@@ -167,6 +168,7 @@ def test_powers_of_ten_are_drawn_as_such(columns: Path) -> None:
     assert all(label.get_parse_math() for label in ticks)
 
 
+@pytest.mark.slow
 def test_a_plot_compares_with_a_change(file: Path, cli: Run) -> None:
     done = cli("run", str(file))
     assert done.returncode == 0, done.stderr

@@ -264,7 +264,7 @@ class TestOptions:
                 {"at": [1, -2]},
                 "plots.p.at: expected a number or an array of n numbers",
             ),
-            ({"angles": [1.0]}, "plots.p.angles: expected an array of 2 numbers rad, got [1.0]"),
+            ({"angles": [1.0]}, "plots.p.angles: expected an array of 2 numbers in rad, got [1.0]"),
             ({"angles": [1.0, -1.0]}, "plots.p.angles: expected the scan's first bearing below"),
             ({"of": "lidar.scan"}, "plots.p.of: expected the robot's Pose among them"),
             ({"of": ["pose", "match.reference"]}, "plots.p.of: expected one Pose, got 2"),
@@ -336,6 +336,7 @@ class TestSaved:
 
 
 class TestAnimation:
+    @pytest.mark.slow
     def test_is_a_gif_that_moves(
         self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -143,6 +143,7 @@ def test_a_figure_fits_a_column_and_nothing_is_cut(look: str, kind: str) -> None
         assert inside.contains(box.x1, box.y1)
 
 
+@pytest.mark.slow
 def test_every_format_is_written_and_the_same_run_gives_the_same_file(tmp_path: Path) -> None:
     result = graph(p={"kind": "timeseries", "of": "turn"}).run()
     paths = save_plots(result, tmp_path / "a", formats=("png", "pdf", "svg"))
@@ -178,6 +179,13 @@ def test_two_runs_share_a_figure(cli: Run, tmp_path: Path) -> None:
     assert len(list((tmp_path / "runs" / "adaptive_line").glob("2*"))) == 2
     plots = Path(found["run"], "plots")
     assert {p.name for p in (tmp_path / plots).iterdir()} == {"way.png", "errors.png", "turn.png"}
+
+
+def test_what_a_change_drops_is_told(cli: Run) -> None:
+    change = ("--vs", "replace=lqr=PathPID")
+    done = cli("run", "starters/adaptive", "--until", "0.1", *change, "--no-plots")
+    assert done.returncode == 0, done.stderr
+    assert "note: replace=lqr=PathPID: 'lqr' is now a PathPID, which has no " in done.stderr
 
 
 def test_two_runs_have_the_names_that_are_given(cli: Run, tmp_path: Path) -> None:

@@ -206,6 +206,7 @@ class TestAllKinds:
         rendered(picture("trajectory", walk(), far_path()))
         assert dict(matplotlib.rcParams) == before
 
+    @pytest.mark.slow
     def test_pyplot_is_not_imported(self) -> None:
         script = (
             "import sys, tempfile, pathlib, runtime, runtime.plots.figures\n"

@@ -61,6 +61,7 @@ def around(image: np.ndarray, at: tuple[int, int], half: int = 3) -> np.ndarray:
     return image[row - half : row + half + 1, column - half : column + half + 1].reshape(-1, 3)
 
 
+@pytest.mark.slow
 def test_robot_trail_and_hits_are_in_their_positions(drawn: Path, run_folder: Path) -> None:
     motion = recorded_motion(run_folder)
     with Image.open(drawn / "render.png") as opened:
@@ -94,6 +95,7 @@ def test_robot_trail_and_hits_are_in_their_positions(drawn: Path, run_folder: Pa
     assert np.abs(motion.world.distance(places[from_robot])).max() < 0.04
 
 
+@pytest.mark.slow
 def test_the_film_has_all_frames(drawn: Path) -> None:
     decode = (imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-i")
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-")
@@ -104,6 +106,7 @@ def test_the_film_has_all_frames(drawn: Path) -> None:
     assert np.abs(pictures[-1] - pictures[0]).max() > 50, "something moved"
 
 
+@pytest.mark.slow
 def test_both_views_side_by_side_and_json(cli: Run, run_folder: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(run_folder, tmp_path / "copy")
     done = cli("render", str(copy), "--no-film", "--height", "120", "--at", "1", "--json")
@@ -149,6 +152,7 @@ def test_an_extent_covers_everything() -> None:
     assert extent.reach == pytest.approx(1.75 + MARGIN)
 
 
+@pytest.mark.slow
 def test_runs_with_nothing_to_draw(cli: Run, run_folder: Path, tmp_path: Path) -> None:
     graph = runtime.load("wall_following").without("adaptive").set("plots", {})
     planar = graph.set("metrics", {}).run(until=0.1).save(tmp_path / "planar")
@@ -170,6 +174,7 @@ def test_runs_with_nothing_to_draw(cli: Run, run_folder: Path, tmp_path: Path) -
         recorded_motion(run_folder, "plnt")
 
 
+@pytest.mark.slow
 def test_missing_libraries_are_named(cli: Run, run_folder: Path, tmp_path: Path) -> None:
     package = tmp_path / "hidden" / "imageio_ffmpeg"
     package.mkdir(parents=True)

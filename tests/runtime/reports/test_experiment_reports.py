@@ -88,6 +88,7 @@ def _interval(text: str) -> list[float]:
     return [_number(end) for end in text.strip("[]").split(", ")]
 
 
+@pytest.mark.slow
 def test_pages_load_without_messages_and_fit_a_phone(pages: dict[str, Path]) -> None:
     for page in (pages["ablation"], pages["three"]):
         loaded = load(page)
@@ -98,6 +99,7 @@ def test_pages_load_without_messages_and_fit_a_phone(pages: dict[str, Path]) -> 
     assert found["wide"] == []
 
 
+@pytest.mark.slow
 def test_the_table_of_an_ablation_agrees_with_its_index(
     folders: dict[str, Path], pages: dict[str, Path]
 ) -> None:

@@ -76,6 +76,7 @@ def test_a_table_has_its_cells() -> None:
     assert [e.text for e in find(made, "td", class_="number")] == ["1", "2"]
 
 
+@pytest.mark.slow
 def test_a_browser_loads_it_without_messages(page: Path) -> None:
     loaded = load(page)
     assert loaded.console == []
@@ -103,6 +104,7 @@ def test_a_browser_loads_it_without_messages(page: Path) -> None:
     assert versions["numpy"] == np.__version__
 
 
+@pytest.mark.slow
 def test_a_browser_reports_errors_of_a_page(tmp_path: Path) -> None:
     page = tmp_path / "wrong.html"
     page.write_text(
@@ -114,6 +116,7 @@ def test_a_browser_reports_errors_of_a_page(tmp_path: Path) -> None:
     assert found["wide"][0].startswith("<p ")
 
 
+@pytest.mark.slow
 def test_it_fits_a_phone_and_a_desk(page: Path) -> None:
     for width in (360, 1400):
         found = measure(page, width)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 import runtime
@@ -19,6 +19,7 @@ from runtime.errors import UsageError
 from runtime.runs.draft import link_latest
 from runtime.runs.folder import run_folder
 from runtime.runs.result import open_run
+from tests.examples import examples
 
 GRAPH = {
     "graph": "small",
@@ -115,9 +116,7 @@ def test_a_file_that_is_cut_off_is_named(run: Path, name: str, part: float) -> N
     assert "\n" not in str(raised.value)
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_flipped_bytes_of_the_arrays_are_found(
     saved: tuple[runtime.Result, Path], tmp_path: Path, data: st.DataObject
@@ -159,9 +158,7 @@ def _changed(value: Any, path: tuple[Any, ...], change: Callable[[Any, Any], Non
 WRONG: tuple[Any, ...] = (None, True, -1, 1e300, "text", [], ["x"], {}, {"a": None}, [[None]])
 
 
-@settings(
-    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@examples(80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_manifest_with_something_else_in_it_is_read_or_refused(
     saved: tuple[runtime.Result, Path], tmp_path: Path, data: st.DataObject

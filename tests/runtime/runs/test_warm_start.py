@@ -120,6 +120,7 @@ def test_a_note_says_that_time_and_noise_begin_again(
     assert not any("begin again" in note for note in learner(0.01).run().notes)
 
 
+@pytest.mark.slow
 def test_large_states_on_request(tmp_path: Path) -> None:
     graph = learner(0.01, neurons=140_000).without("fused")
     assert "out.weights" not in graph.run().states
@@ -127,6 +128,7 @@ def test_large_states_on_request(tmp_path: Path) -> None:
     assert not graph.set("run.states", "none").run().states
 
 
+@pytest.mark.slow
 def test_the_command_line(tmp_path: Path, cli: Run) -> None:
     file = tmp_path / "learner.yaml"
     file.write_text(learner(0.05).to_yaml(), encoding="utf-8")
