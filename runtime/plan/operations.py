@@ -38,7 +38,9 @@ from runtime.plan.values import (
 class Gate:
     """When an operation is done.
 
-    every : on each tick that is a multiple of this.
+    every : on each tick that is a multiple of this, plus ``offset``.
+    starts : on tick 0 as well: an output holds what it is at the start until its block's first
+        tick.
     switches : outputs that must all be on: those of the parts around a block, the outer ones first.
     is_off : the other way round: while one of the switches is off.
     once : before the first tick, and not again.
@@ -48,10 +50,23 @@ class Gate:
     switches: tuple[Signal, ...] = ()
     is_off: bool = False
     once: bool = False
+    offset: int = 0
+    starts: bool = False
+
+    @property
+    def rate(self) -> Gate:
+        """The same without the switches."""
+        return Gate(self.every, offset=self.offset, starts=self.starts)
+
+    def due(self, tick: str) -> str:
+        """The condition on a tick in Python and in C, for a rate below that of the base ticks."""
+        text = f"{tick} % {self.every} == {self.offset}"
+        return f"{text} {{}} {tick} == 0" if self.starts else text
 
     def __str__(self) -> str:
         names = " and ".join(map(str, self.switches))
         parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
+        parts += [f"from {self.offset}"] if self.offset else []
         parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
         return f"  [{', '.join(parts)}]" if parts else ""
 
@@ -252,7 +267,7 @@ class Crossing:
 
     guards : computes them; or a ``Stop``: the distance of its signal from the level is one.
     start : the first of them in the row of all guards.
-    directions : of each: 1 it rises above zero, -1 it falls to zero or below, 0 both.
+    directions : of each: 1 rising, -1 falling, 0 either, 3 either and at the start.
     event : what then happens, called with the number of each guard that was met.
     """
 
@@ -267,7 +282,7 @@ class Crossing:
 
     @property
     def block(self) -> str:
-        return "" if isinstance(self.guards, Stop) else self.guards.block
+        return self.guards.block
 
 
 @dataclass(frozen=True)
@@ -277,10 +292,10 @@ class Integrate:
     stage : what the solver repeats at each stage, at times between the ticks: outputs that may
         change there, and derivatives.
     projections : calls after each step that bring states back to where they are valid.
-    crossings : events between two ticks: each step ends at the first one, by time and then by
-        block. ``watch`` computes what their guards and actions read, ``after`` what changes where
-        one happened. ``edges`` are the times of a run at which sources jump, off the ticks, then
-        infinity. ``log`` is the number of events that are recorded at most.
+    crossings : events between two ticks, by block: each step ends at the first one in time.
+        ``watch`` computes what their guards and actions read, ``after`` what then changes.
+    edges : the times in a run at which sources jump, off the ticks, and infinity.
+    log : the number of events that are recorded at most.
     coupling : which rate depends on which state, for a solver that needs the Jacobian.
     """
 
@@ -314,15 +329,14 @@ class Integrate:
 
     @property
     def directions(self) -> FloatArray:
-        """Of all guards; 3 is met in both directions, and at the start."""
+        """Of all guards."""
         return np.array([each for crossing in self.crossings for each in crossing.directions])
 
     @cached_property
     def between(self) -> tuple[Operation, ...]:
         """All that is done between two ticks."""
-        guards = tuple(each.guards for each in self.crossings)
-        events = tuple(each.event for each in self.crossings if each.event is not None)
-        return (*self.stage, *self.projections, *self.watch, *guards, *events, *self.after)
+        met = [each for c in self.crossings for each in (c.guards, c.event) if each]
+        return (*self.stage, *self.projections, *self.watch, *met, *self.after)
 
     @property
     def blocks(self) -> set[str]:
@@ -332,12 +346,9 @@ class Integrate:
     def __str__(self) -> str:
         lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
         lines += [f"  {each}" for each in (*self.stage, *self.projections)]
-        if self.crossings:
-            lines += ["until", *(f"  {each}" for each in self.watch)]
-            lines += [f"  {each.guards}" for each in self.crossings]
         if self.ends_steps:
-            lines += [f"  {each.event}" for each in self.crossings if each.event is not None]
-            lines += ["then", *(f"  {each}" for each in self.after)] if self.after else []
+            watched = self.between[len(self.stage) + len(self.projections) :]
+            lines += ["until", *(f"  {each}" for each in watched)]
         return "\n".join(lines)
 
 

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import runtime
-from runtime.errors import SimulationError
 
 ENGINES = ("python", "compiled")
 GALLERY = Path(__file__).parents[3] / "graphs" / "gallery"
