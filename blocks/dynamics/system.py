@@ -194,6 +194,10 @@ class DynamicSystem(_System):
         """Whether the event's condition holds."""
         return bool(state.condition(t, tuple(state.x.tolist()), u, state.constants) != 0.0)
 
+    @property
+    def state_names(self) -> dict[str, tuple[str, ...]]:
+        return {"x": tuple(name for name, _ in self.states.rows)} if self.states else {}
+
     def couplings(self, context: BlockContext) -> list[set[int]]:
         read = self.read(items("derivative", self.rates), self.input_count(context))
         return read.couplings("x", self.initial.size)
