@@ -370,6 +370,11 @@ class Block:
         """
         return ()
 
+    @property
+    def state_names(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the components of continuous states that have some, by state."""
+        return {}
+
     def couplings(self, context: BlockContext) -> Sequence[Collection[int]] | None:
         """For each of its continuous states, in order and each component counted, of which of them
         its rate of change is a direct function, not through inputs; None: of all.

@@ -252,6 +252,10 @@ class DynamicSystem(_System):
                 self.event(state, t, float(k), u)
             state.was[k] = now
 
+    @property
+    def state_names(self) -> dict[str, tuple[str, ...]]:
+        return {"x": tuple(name for name, _ in self.states.rows)} if self.states else {}
+
     def couplings(self, context: BlockContext) -> list[set[int]]:
         read = self.read(items("derivative", self.rates), self.input_count(context))
         return read.couplings("x", self.initial.size)

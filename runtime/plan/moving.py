@@ -38,7 +38,8 @@ def continuous_row(network: Network) -> Row:
         for state in states:
             if state.name in continuous:
                 start = slots[-1].stop if slots else 0
-                slots.append(Slot(name, state.name, state.shape, start))
+                names = entry.block.state_names.get(state.name, ())
+                slots.append(Slot(name, state.name, state.shape, start, names))
     return Row(tuple(slots))
 
 
