@@ -73,6 +73,7 @@ RUN_KEYS = (
     "rtol",
     "atol",
     "max_step",
+    "events",
     "loops",
     "stop",
 )

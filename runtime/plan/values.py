@@ -79,6 +79,11 @@ class Slot(StateArray):
 
 
 @dataclass(frozen=True)
+class GuardSlot(Slot):
+    """The guards of a block, and where they begin in the row of all guards of a graph."""
+
+
+@dataclass(frozen=True)
 class Source:
     """What is read: a signal or a state, or a component of it."""
 
