@@ -29,6 +29,7 @@ from runtime.plan import (
     Argument,
     Call,
     CText,
+    Gate,
     Integrate,
     Operation,
     Plan,
@@ -49,6 +50,10 @@ from runtime.toolchain import TranslationUnit
 # of change is not finite, or its tolerance is not met), the run's condition to stop holds, or an
 # algebraic loop has no solution.
 FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
+
+
+FEW = 8  # numbers of an array that are tested like those of records
+MANY = 12  # numbers that are tested at once: they wait in registers
 
 
 @dataclass
@@ -80,6 +85,10 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     """
     printer = EngineText(plan, names, kernels)
     parts, called = divided(plan, kernels)
+    # Others, Python or the functions of a solver, find them in the struct.
+    printer.has_locals = len(parts) == 1 and not any(
+        isinstance(each, (Integrate, Solve)) for each in plan.operations
+    )
     for number, part in enumerate(parts):
         if len(parts) == 1:
             printer.operations(part)
@@ -93,6 +102,8 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     used = {each for kernel in kernels.values() for each in kernel.prototypes} | printer.own
     prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
     run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
+    for mark, lines in zip(("@first@", "@tick@", "@last@"), printer.moved(), strict=True):
+        run = run.replace(mark, "\n".join(lines))
     made.text = "\n".join([printer.struct.text(), prototypes, HELPERS + printer.functions + run])
     return made
 
@@ -135,6 +146,8 @@ class EngineText(CText):
         self.others: list[TranslationUnit] = []
         self.own: set[str] = set()
         self.functions = ""
+        self.has_locals, self.locals = False, dict[str, Signal]()
+        self.waiting: list[tuple[int, Test]] = []
         self.printers |= {
             Solve: self.solve,
             Record: self.record,
@@ -145,7 +158,35 @@ class EngineText(CText):
     # Values
 
     def signal(self, signal: Signal) -> str:
-        return self.struct.signal(signal)
+        member = self.struct.signal(signal)
+        if not self.has_locals or signal.kind.form == "array":
+            return member
+        name = member.removeprefix("plan->")
+        self.locals[name] = signal
+        return name
+
+    def moved(self) -> tuple[list[str], list[str], list[str]]:
+        """Declarations of signals as variables: of a call, of a tick, and back into the struct.
+
+        A variable stays in a register from the block that writes it to those that read it. Those
+        that outlive a tick, and those that are compared with Python's, are kept in the struct.
+        """
+        calls = self.plan.evaluations
+        lasting = {signal.key for signal in self.plan.held}
+        lasting |= {s.key for call in calls if call.gate.once for s in call.outputs}
+        all_last = any(call.is_own for call in calls)
+        first, tick, last = [], [], []
+        for name, signal in self.locals.items():
+            _, size = self.struct.members[name]
+            declared = f"double {name}" + f"[{size}]" * (signal.kind.form != "scalar")
+            if not (all_last or signal.key in lasting):
+                tick.append(f"        {declared};")
+                continue
+            at = "&" * (signal.kind.form == "scalar")
+            first.append(f"    {declared};")
+            first.append(f"    copy_numbers({at}{name}, {at}plan->{name}, {size});")
+            last.append(f"    copy_numbers({at}plan->{name}, {at}{name}, {size});")
+        return first, tick, last
 
     def place(self, source: Source) -> str:
         """The address of a signal or a state, or of the first number of a component."""
@@ -179,27 +220,60 @@ class EngineText(CText):
         if kernel.failures:  # a block that cannot fail leaves no number
             self.put(f"ctx->at = {len(self.calls)};")
         self.calls.append(call)
-        return kernel.symbols[call.method], ["ctx", self.struct.fields(call.block)]
+        return kernel.symbols[call.method], ["ctx", self.fields(call.block, kernel)]
+
+    def fields(self, block: str, kernel: Kernel) -> str:
+        """The address of a block's struct: of a block inside of the plan's unit, a member."""
+        if not kernel.struct:
+            return self.struct.fields(block)
+        return self.struct.inner(block, kernel.struct, kernel.words)
+
+    def call(self, call: Call) -> None:
+        # Updates change states, and a loop that waits for a number might wait for NaN for ever.
+        if not call.outputs or self.kernels[call.block].has_while:
+            self.tested()
+        super().call(call)
+
+    def within(self, gate: Gate) -> None:
+        if gate != self.gate:
+            self.tested()
+        super().within(gate)
 
     def test(self, test: Test) -> None:
+        self.waiting.append((len(self.calls) - 1, test))
+        if sum(numbers_in(each.kind) for _, test in self.waiting for each in test.outputs) >= MANY:
+            self.tested()
+
+    def tested(self) -> None:
+        """Test what the calls since the last test returned.
+
+        All at once, by the sum of the numbers: one by one only where it is not finite, since the
+        sum of large numbers may be infinite, too, and to tell which call it was. In ticks that
+        fail, later calls get such numbers; these ticks run again under Python.
+        """
+        waiting, self.waiting = self.waiting, []
         numbers: list[str] = []
-        tests: list[str] = []
-        for signal in test.outputs:
-            kind, name = signal.kind, self.signal(signal)
-            if kind.form == "array":
-                function = "all_finite" if kind.finite else "no_nan"
-                tests.append(f"{function}({name}, {numbers_in(kind)})")
-            elif kind.form == "scalar":
-                numbers.append(name)
-            else:
-                numbers += [f"{name}[{i}]" for i in range(len(kind.components))]
+        exact: list[str] = []
+        for at, test in waiting:
+            own: list[str] = []
+            wrong = f"{{ ctx->at = {at}; {self.ended(NOT_FINITE)} }}"
+            for signal in test.outputs:
+                kind, name, count = signal.kind, self.signal(signal), numbers_in(signal.kind)
+                if kind.form == "array" and (count > FEW or not kind.finite):
+                    function = "all_finite" if kind.finite else "no_nan"
+                    self.put(f"if (!{function}({name}, {count})) {wrong}")
+                    continue
+                own += [name] if kind.form == "scalar" else [f"{name}[{i}]" for i in range(count)]
+            if own:
+                exact.append(f"if (!({' && '.join(f'isfinite({n})' for n in own)})) {wrong}")
+                numbers += own
         if numbers:
-            fast = f"isfinite({' + '.join(numbers)})"
-            if len(numbers) > 1:  # the sum of large numbers may be infinite
-                fast = f"({fast} || ({' && '.join(f'isfinite({each})' for each in numbers)}))"
-            tests.insert(0, fast)
-        wrong = f"ctx->at = {len(self.calls) - 1}; return {NOT_FINITE};"
-        self.put(f"if (!({' && '.join(tests)})) {{ {wrong} }}")
+            with self.block(f"if (!isfinite({_sum(numbers)}))"):
+                self.put(*exact)
+
+    def ended(self, code: int) -> str:
+        """The statements that end the call."""
+        return f"ended = {code}; goto end;" if self.has_locals else f"return {code};"
 
     def uses(self, unit: TranslationUnit, prototypes: Sequence[str]) -> None:
         """Build a unit as well, and call its functions."""
@@ -208,6 +282,7 @@ class EngineText(CText):
 
     def solve(self, solve: Solve) -> None:
         """Try values of the unknowns, until the calls compute the same."""
+        self.tested()
         self.uses(*newton_unit(solve.size))
         memory = self.struct.array(f"loop_{solve.number}")
         given = f"{memory}, {self.struct.array(f'loop_{solve.number}_control')}, &going"
@@ -244,6 +319,7 @@ class EngineText(CText):
 
     def record(self, record: Record) -> None:
         """Record one row."""
+        self.tested()
         array, width = self.struct.array(f"probe_{record.number}"), record.width
         columns, number = record.columns or slice(0, width), row(record).replace("//", "/")
         start = f"({number}) * {width}" if width != 1 else number
@@ -253,12 +329,13 @@ class EngineText(CText):
 
     def stop_at_tick(self, stop: Stop) -> None:
         """End the run at a tick at which the condition holds."""
+        self.tested()
         with self.block(""):
             self.put(f"double *const stop = {self.struct.array('stop')};")
             self.put(f"const double beyond = {self.distance(stop)};")
             with self.block(f"if ({condition(stop)})"):
                 self.put("stop[2] = 1.0, stop[4] = (double)k, stop[5] = t;")
-                self.put(f"return {STOPPED};")
+                self.put(self.ended(STOPPED))
             self.put("stop[3] = beyond;")
 
     def distance(self, stop: Stop) -> str:
@@ -269,6 +346,7 @@ class EngineText(CText):
 
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
+        self.tested()
         method = method_of(part.solver, part.colours)
         self.uses(*solver_unit(part, method))
         if part.stop is None:
@@ -335,12 +413,22 @@ class EngineText(CText):
         with self.block(f"for (int64_t stage = 0; stage < {method.stages}; stage++)"):
             self.put(f"const double t = (double)k * dt + {since};  /* {part.solver} */", "(void)t;")
             self.operations(part.stage)
+            self.tested()
             self.put("double bad = -1.0;")
             self.put(f"solver_first_bad(ctx, NULL, {slopes}, stage, &bad);")
             self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
             given = [states, start, slopes, table, "stage", h]
             given += map(self.solvers, ("colours", "pattern") if method.is_implicit else ())
             self.put(f"solver_moved(ctx, NULL, {', '.join(given)});")
+
+
+def _sum(numbers: Sequence[str]) -> str:
+    """The sum in pairs, which a processor adds side by side."""
+    if len(numbers) == 1:
+        return numbers[0]
+    half = (len(numbers) + 1) // 2
+    first, second = _sum(numbers[:half]), _sum(numbers[half:])
+    return f"{first} + ({second})" if len(numbers) > 2 else f"{first} + {second}"
 
 
 def condition(stop: Stop) -> str:

@@ -167,6 +167,11 @@ class CompiledRunner:
         self.blocks: Collection[str] = self.kernels.compiled.keys()
         self.memory = Context()
         self.fields = [self._pointer(name, *to) for name, to in self.struct.pointers.items()]
+        for name, block in self.struct.inside.items():
+            start, size = self.struct.members[name]
+            words = self._fields(block)
+            self.words.ints[start : start + size] = words.ints
+            self.fields.append(words)
         for name, value in self.struct.fills.items():
             start, size = self.struct.members[name]
             self.words.floats[start : start + size] = value
@@ -179,9 +184,7 @@ class CompiledRunner:
         """Fill a member of the plan's struct that is an address."""
         at, _ = self.struct.members[name]
         if kind == "fields":
-            kernel, made = self.kernels.compiled[owner], self.network.entries[owner].block
-            words = Words(kernel.words)
-            words.fill(kernel.fields(made, self.context.states[owner]))
+            words = self._fields(owner)
             self.words.point(at, words.ints)
             return words
         value = self.context.namespace[owner] if kind == "array" else None
@@ -192,6 +195,13 @@ class CompiledRunner:
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.words.point(at, np.asarray(value))
         return None
+
+    def _fields(self, block: str) -> Words:
+        """The struct of a block."""
+        kernel, made = self.kernels.compiled[block], self.network.entries[block].block
+        words = Words(kernel.words)
+        words.fill(kernel.fields(made, self.context.states[block]))
+        return words
 
     def _constants(self) -> None:
         """Fill in outputs that never change."""
