@@ -19,17 +19,10 @@ import numpy as np
 from blocks.core import BlockState
 from runtime.codegen import support
 from runtime.compiler import Kernel, plain
-from runtime.engine.compiled.c_plan import (
-    FAILED,
-    FINISHED,
-    NOT_FINITE,
-    STOPPED,
-    UNSOLVED,
-    PlanText,
-    c_plan,
-)
+from runtime.engine.compiled.c_plan import PlanText, c_plan
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
+from runtime.engine.compiled.signals import FAILED, FINISHED, NOT_FINITE, STOPPED, UNSOLVED
 from runtime.engine.program import Program
 from runtime.engine.runners import CompiledError, RunContext
 from runtime.engine.state import Array, Held
