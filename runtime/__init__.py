@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         UsageError,
     )
     from runtime.experiments import AblationTable, SweepTable, TuningTable, ablate, sweep, tune
+    from runtime.fitting import Fit, fit
     from runtime.graph import Graph, load
     from runtime.runs import Result
     from runtime.runs import open_run as open
@@ -72,6 +73,7 @@ _check_blocks()
 __all__ = [
     "AblationTable",
     "CheckError",
+    "Fit",
     "Graph",
     "GraphError",
     "MissingExtraError",
@@ -84,6 +86,7 @@ __all__ = [
     "UsageError",
     "ablate",
     "check_block",
+    "fit",
     "load",
     "open",
     "sweep",

@@ -1,6 +1,6 @@
 """What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
-from blocks.core import portable
+from blocks.core import polynomials, portable
 from blocks.core.block import (
     Block,
     BlockContext,
@@ -19,13 +19,15 @@ from blocks.core.elementwise import (
     piece,
     spread_to,
 )
-from blocks.core.expression_reader import ExpressionError, parsed
+from blocks.core.equations import Equations, items, value_type, width_of, wrong_size
+from blocks.core.expression_arrays import ARRAYS, CREATION
+from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
-    Expression,
+    Expressions,
     expression_function,
     function_from,
     function_text,
-    read_expression,
+    read_expressions,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.hints import hint
@@ -42,6 +44,7 @@ from blocks.core.matrices import (
     times,
     transposed,
 )
+from blocks.core.names import Constants, Definitions, Names
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -57,7 +60,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import misnamed, modulo, nearest, wrap
+from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, misnamed, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -85,6 +88,10 @@ from blocks.core.signals import (
 from blocks.core.variants import Variant
 
 __all__ = [
+    "ARRAYS",
+    "CONSTANTS",
+    "CREATION",
+    "FUNCTIONS",
     "REQUIRED",
     "TYPES",
     "Block",
@@ -92,15 +99,19 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
+    "Constants",
     "DeclarationError",
+    "Definitions",
     "Elementwise",
+    "Equations",
     "Evaluation",
-    "Expression",
     "ExpressionError",
+    "Expressions",
     "FloatArray",
     "Input",
     "IntArray",
     "MissingPackageError",
+    "Names",
     "Options",
     "Output",
     "Param",
@@ -142,6 +153,7 @@ __all__ = [
     "function_text",
     "has_kernels",
     "hint",
+    "items",
     "kernel_for",
     "kernel_of",
     "kron",
@@ -154,9 +166,10 @@ __all__ = [
     "piece",
     "pip_line",
     "plain",
+    "polynomials",
     "portable",
     "product",
-    "read_expression",
+    "read_expressions",
     "require",
     "show",
     "signal_type",
@@ -168,5 +181,8 @@ __all__ = [
     "spread_to",
     "times",
     "transposed",
+    "value_type",
+    "width_of",
     "wrap",
+    "wrong_size",
 ]

@@ -51,7 +51,7 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -63,7 +63,7 @@ from blocks.core.hints import alternatives, hint
 from blocks.core.params import ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
-from blocks.core.signals import PortType, SignalType
+from blocks.core.signals import FloatArray, PortType, SignalType
 
 __all__ = [
     "Block",
@@ -338,6 +338,31 @@ class Block:
         An implicit solver calls a block less often, the fewer they are.
         """
         return None
+
+    def stack_key(self, context: BlockContext) -> Hashable:
+        """What blocks share that :meth:`stacked` computes together; None: each is called alone."""
+        return None
+
+    @classmethod
+    def stacked(
+        cls,
+        blocks: Sequence[Any],
+        states: Sequence[BlockState],
+        arrays: Mapping[str, FloatArray],
+    ) -> Any:
+        """An object that does in one call what ``output`` and ``update`` of several blocks do, with
+        the same bits; made after all have started.
+
+        Parameters
+        ----------
+        blocks : of this class, with equal keys, types of ports and shapes of states.
+        arrays : their states, a row per block: what each block has of them is a view of its row.
+
+        Its methods take t and, for each port, the values of all blocks in order: of numbers a
+        tuple, of arrays one flat array, of a variadic port a tuple of flat arrays, with zeros for
+        blocks with fewer wires. An output is a new array with a row per block.
+        """
+        raise NotImplementedError
 
     # Any: the type of a parameter is known to its annotation, not to its name.
     def value(self, name: str) -> Any:

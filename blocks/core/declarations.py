@@ -73,6 +73,7 @@ class State:
     return the same values without it.
     A ``continuous`` state is integrated from tick to tick by the run's solver, together with those
     of all other blocks; the block's ``derivative`` returns its rate of change.
+    The rows of a ``ring`` are written in turn: it names the state with the number of the next one.
     """
 
     shape: tuple[int | str, ...]
@@ -84,6 +85,7 @@ class State:
     event: bool = False
     cached: bool = False
     continuous: bool = False
+    ring: str = ""
 
     def __init__(
         self,
@@ -95,12 +97,14 @@ class State:
         event: bool = False,
         cached: bool = False,
         continuous: bool = False,
+        ring: str = "",
         name: str = "",
     ) -> None:
         if len(shape) == 1 and isinstance(shape[0], (tuple, list)):
             shape = tuple(shape[0])  # State((2, 3)), as NumPy writes shapes
         self.__dict__.update(shape=shape, like=like, doc=doc, unit=unit, name=name)
         self.__dict__.update(signal=signal, event=event, cached=cached, continuous=continuous)
+        self.__dict__["ring"] = ring
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,17 @@
 """Expressions of a graph, such as ``u[0]*u[1] - sin(t)``, as plain functions of numbers.
 
+In: texts, and what their names stand for. Out: a function whose source is scalar arithmetic::
+
+    read_expressions(["s*x", "norm(v)"], {"x": ["x[0]", "x[1]"]}, let={"s": "2*x[0]", "v": "x"})
+    def expression(t, x, u, c):
+        v0 = 2.0 * x[0]
+        return (v0 * x[0], v0 * x[1], math.sqrt(square(x[0]) + square(x[1])))
+
 A text is parsed into a syntax tree, and every node of it must be on a list of allowed ones. From
-these nodes a new text is written, of scalar arithmetic, functions of ``math`` and of
-``blocks.core.scalar_functions``; names in it come from the caller alone. Only that text is
-executed. All arithmetic is in floats, so no number can grow without bound, and length and depth of
-a text are limited.
+these nodes a new text is written, of scalar arithmetic, functions of ``math``, of
+``blocks.core.scalar_functions`` and of ``blocks.core.matrices``; names in it come from the caller
+alone. Only that text is executed. All arithmetic is in floats, so no number can grow without bound;
+length and depth of a text, ranges of indices and sizes of matrices are limited.
 
 The functions are plain Python with a readable source, which the compiled engine translates as it
 translates a block's methods.
@@ -15,57 +22,104 @@ from __future__ import annotations
 import ast
 import hashlib
 import linecache
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from blocks.core.expression_reader import PARSING, Names, Reader, tree_of
+from blocks.core.expression_reader import Reader
+from blocks.core.expression_text import PARSING, ExpressionError, tree_of
+from blocks.core.expression_values import Value, Writer, Written, named_value, reached
 from blocks.core.scalar_functions import SCOPE
 from blocks.core.signals import SignalForm
 
+Names = Mapping[str, Written]
+
 
 @dataclass(frozen=True)
-class Expression:
-    """A valid expression.
+class Expressions:
+    """Valid expressions as Python.
 
-    text : as given. python : the Python text of its value, a float.
-    names : those of the given names that it uses.
+    lines : statements that come first. values : a text for each component of all expressions.
+    shapes : of each expression: (), (n,) or (m, n).
     """
 
-    text: str
-    python: str
-    names: frozenset[str]
+    lines: tuple[str, ...]
+    values: tuple[str, ...]
+    shapes: tuple[tuple[int, ...], ...]
+
+    def couplings(self, name: str, count: int) -> list[set[int]]:
+        """Of which of ``name[0]`` to ``name[count - 1]`` each value depends."""
+        return reached(self.lines, self.values, {f"{name}[{i}]": i for i in range(count)})
 
 
-def read_expression(text: str, names: Names) -> Expression:
-    """Check an expression and write it as Python.
+def read_expressions(
+    texts: Sequence[str], names: Names, let: Mapping[str, str] | None = None
+) -> Expressions:
+    """Check expressions and write them as Python.
 
     Parameters
     ----------
     names : what each name stands for, as Python text: one text for a number, several for the
-        components of a vector (``u[0]``). ``pose.x`` is a name with a dot.
+        components of a vector (``u[0]``), rows of them for a matrix. ``pose.x`` is a name with a
+        dot.
+    let : further names and their expressions, which may use earlier ones; what a text uses is
+        computed once, before it.
 
     Raises
     ------
-    ExpressionError : with the column and a suggestion.
+    ExpressionError : with the column and a suggestion; its ``place`` is a number of ``texts`` or a
+        name of ``let``.
     """
-    tree = tree_of(text)
-    reader = Reader(text, names)
-    written = reader.number(tree, 0)
-    return Expression(text, ast.unparse(ast.fix_missing_locations(written)), frozenset(reader.used))
+    known: dict[str, Value] = {name: named_value(written) for name, written in names.items()}
+    let = let or {}
+    used = used_words(texts, let)
+    writer = Writer()
+    for name, text in let.items():
+        # What nothing uses is checked all the same.
+        own = writer if name in used else Writer()
+        known[name] = own.bound(_read(text, name, known, own))
+    read = [_read(text, place, known, writer) for place, text in enumerate(texts)]
+    try:
+        values = tuple(ast.unparse(part) for value in read for part in value.parts)
+    except RecursionError:
+        raise ExpressionError(texts[0], 1, "too deeply nested; use 'let'") from None
+    return Expressions(tuple(writer.lines), values, tuple(value.shape for value in read))
+
+
+def _read(text: str, place: int | str, known: Mapping[str, Value], writer: Writer) -> Value:
+    try:
+        return Reader(text, known, writer).value(tree_of(text), 0)
+    except RecursionError:
+        error = ExpressionError(text, 1, "too deeply nested; use 'let'")
+    except ExpressionError as wrong:
+        error = wrong
+    error.place = place
+    raise error from None
+
+
+def used_words(texts: Iterable[str], let: Mapping[str, str]) -> set[str]:
+    """All words in texts, and in those of ``let`` that they use, through others as well."""
+    words: set[str] = set()
+    waiting = list(texts)
+    while waiting:
+        more = set(re.findall(r"[A-Za-z_]\w*", waiting.pop())) - words
+        waiting += [let[word] for word in more & let.keys()]
+        words |= more
+    return words
 
 
 def function_text(
-    expressions: Sequence[Expression], parameters: Sequence[str], form: SignalForm | None = None
+    expressions: Expressions, parameters: Sequence[str], form: SignalForm | None = None
 ) -> str:
     """The source of a function of ``parameters`` that returns the values of expressions.
 
     ``form`` is that of the result: a float, a tuple or an array; by default a float for one
-    expression and a tuple for several.
+    value and a tuple for several.
     """
-    values = [expression.python for expression in expressions]
-    lines = [f"def expression({', '.join(parameters)}):"]
+    values = expressions.values
+    lines = [f"def expression({', '.join(parameters)}):", *expressions.lines]
     if form == "array":
         lines.append(f"out = np.empty({len(values)})")
         lines += [f"out[{i}] = {value}" for i, value in enumerate(values)]
@@ -98,7 +152,8 @@ def function_from(source: str) -> Callable[..., Any]:
 def expression_function(
     texts: str | Sequence[str],
     arguments: Mapping[str, int | None],
-    constants: Mapping[str, float] | None = None,
+    constants: Mapping[str, Any] | None = None,
+    let: Mapping[str, str] | None = None,
 ) -> Callable[..., Any]:
     """A plain function that computes expressions.
 
@@ -106,22 +161,29 @@ def expression_function(
     ----------
     texts : one expression, or one for each component of the result.
     arguments : the parameters in order; None for a number, or the length of a vector.
-    constants : further names, and their values.
+    constants : further names, and their values: numbers, vectors or matrices.
+    let : further names, and their expressions.
 
     Returns
     -------
-    function : of these arguments; it returns a float for one expression, and a tuple for several.
+    function : of these arguments; it returns a float for one number, and a tuple for several.
 
     Raises
     ------
     ExpressionError : with the column and a suggestion.
     """
-    names: dict[str, str | Sequence[str]] = {
-        name: repr(float(value)) for name, value in (constants or {}).items()
+    names: dict[str, Written] = {
+        name: _literals(value) for name, value in (constants or {}).items()
     }
     for place, (name, length) in enumerate(arguments.items()):
         own = f"a{place}"
         names[name] = own if length is None else [f"{own}[{i}]" for i in range(length)]
-    texts = [texts] if isinstance(texts, str) else texts
-    expressions = [read_expression(text, names) for text in texts]
-    return function_from(function_text(expressions, [f"a{i}" for i in range(len(arguments))]))
+    read = read_expressions([texts] if isinstance(texts, str) else texts, names, let)
+    return function_from(function_text(read, [f"a{i}" for i in range(len(arguments))]))
+
+
+def _literals(value: Any) -> Any:
+    """A number, a list or a list of lists, as texts."""
+    if isinstance(value, (list, tuple)):
+        return [_literals(item) for item in value]
+    return repr(float(value))

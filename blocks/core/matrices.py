@@ -176,6 +176,41 @@ def solve(a: FloatArray, b: FloatArray) -> FloatArray:
     return x
 
 
+def solution(matrix: FloatArray, sides: FloatArray) -> FloatArray:
+    """x (n, m) with matrix x = sides, for expressions; both arguments are overwritten.
+
+    Raises
+    ------
+    ArithmeticError : the matrix is singular.
+    """
+    if not small_eliminate(matrix, sides):
+        raise ArithmeticError("a matrix that is inverted is singular")
+    return sides
+
+
+def determinant(matrix: FloatArray) -> float:
+    """The determinant of a matrix (n, n), which is overwritten, by elimination with pivoting."""
+    n = matrix.shape[0]
+    result = 1.0
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if matrix[pivot, k] == 0.0:
+            return 0.0
+        if pivot != k:
+            result = -result
+        for j in range(n):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        result *= matrix[k, k]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k, n):
+                matrix[i, j] -= factor * matrix[k, j]
+    return float(result)
+
+
 def covariance_fault(matrix: FloatArray, definite: bool = False) -> str:
     """Why a square matrix (n, n) is no covariance; '' if it is one.
 

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from blocks.core.matrices import determinant, small_product, solution
+
 # From here on all floats are integers.
 INTEGERS = 2.0**52
 # The largest arguments at which exp, sinh, gamma and lgamma are finite.
@@ -221,8 +223,6 @@ FUNCTIONS: Mapping[str, tuple[str, int | None]] = {
     **{"min": ("lesser", None), "max": ("greater", None)},
 }
 CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
-# Functions of all components of a vector.
-VECTORS = ("sum", "mean", "norm", "min", "max")
 ALIASES = {
     **{"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "ln": "log"},
     **{
@@ -243,7 +243,7 @@ _HELPERS: tuple[Callable[..., float], ...] = (
 SCOPE: Mapping[str, Any] = {
     "math": math,
     "np": np,
-    **{helper.__name__: helper for helper in _HELPERS},
+    **{helper.__name__: helper for helper in (*_HELPERS, determinant, small_product, solution)},
 }
 
 
@@ -259,7 +259,7 @@ def misnamed(
     """
     seen = set(others)
     meanings = {name: f"the number {value:.4g}" for name, value in CONSTANTS.items()}
-    meanings |= dict.fromkeys([*FUNCTIONS, *VECTORS], "a function")
+    meanings |= dict.fromkeys([*FUNCTIONS, "sum", "mean", "norm"], "a function")
     meanings |= {"t": "the time", **variables}
     for name in names:
         if not (name.isidentifier() and name.isascii()) or iskeyword(name):

@@ -50,6 +50,8 @@ class SignalType:
     length : number of rows of an array; a string is a symbol that a block's parameter or a
         wire resolves; None for scalars and records.
     finite : False where ``inf`` is a legitimate value (a LiDAR ray that hits nothing).
+    rows : name and unit of each component of a vector, or of a scalar; types that differ in them
+        alone are the same.
     """
 
     name: str
@@ -58,6 +60,7 @@ class SignalType:
     units: tuple[str, ...] = ()
     length: Length = None
     finite: bool = True
+    rows: tuple[tuple[str, str], ...] = field(default=(), compare=False)
 
     @property
     def symbol(self) -> str | None:

@@ -9,18 +9,17 @@ A measurement y and any signals u go in, the estimate x of the states comes out:
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from blocks.core import (
-    Block,
     BlockContext,
     BlockState,
+    Equations,
     FloatArray,
     Input,
+    Names,
     Output,
     ParameterError,
     Same,
@@ -30,8 +29,8 @@ from blocks.core import (
     Vector,
     param,
     size_of,
+    wrong_size,
 )
-from blocks.dynamics.equations import Equations
 from blocks.dynamics.kalman import (
     corrected_covariance,
     covariance_problems,
@@ -43,7 +42,7 @@ from blocks.dynamics.kalman import (
 STEP = float(np.finfo(np.float64).eps) ** (1.0 / 3.0)
 
 
-class ExtendedKalmanFilter(Block):
+class ExtendedKalmanFilter(Equations):
     """An estimate of the states of a nonlinear system from noisy measurements.
 
         measurement, u ─▶ [ ExtendedKalmanFilter ] ─▶ estimate
@@ -59,13 +58,6 @@ class ExtendedKalmanFilter(Block):
     """
 
     measurement = Input(Same("Y"), doc="y, a Scalar or a Vector(p)")
-    inputs = Input(
-        Scalar,
-        variadic=True,
-        spread="inputs",
-        name="u",
-        doc="any signals; their components in order are u[0], u[1], ...",
-    )
     estimate = Output(Vector("n"), doc="the corrected states")
 
     f: tuple[str, ...] | None = param(
@@ -76,9 +68,8 @@ class ExtendedKalmanFilter(Block):
     h: tuple[str, ...] | None = param(
         None, name="observation", doc="h, the measurements of states: 'x**2'"
     )
-    states: tuple[str, ...] | None = param(None, doc="names of the states: [x, v]")
-    constants: Mapping[str, float] | None = param(
-        None, doc="names that the expressions use, with their values: {k: 2.5}"
+    states: Names | None = param(
+        None, doc="names of the states: [x, v], or with units: {x: m, v: m/s}"
     )
     q: FloatArray = param(shape=(None, None), name="Q", doc="covariance of the process noise")
     r: FloatArray = param(
@@ -93,6 +84,8 @@ class ExtendedKalmanFilter(Block):
         shape=(None,),
         doc="measurements that are angles (rad), counted from 0: their errors are wrapped",
     )
+
+    arguments: ClassVar[tuple[str, ...]] = ("t", "x", "u", "c")
 
     x = State("n", name="x", doc="the prediction")
     p = State("n", "n", name="P", doc="its covariance")
@@ -109,57 +102,63 @@ class ExtendedKalmanFilter(Block):
             if value is not None and value.shape != (size, size)
         ]
         problems = problems or covariance_problems(self.q, self.p0, self.r.reshape(p, p))
-        problems += self.equations.problems()
+        if self.states is not None and self.states.size != n:
+            message = f"expected {n} name(s), one per state, got {self.states.size}"
+            problems.append(("states", message))
+        problems += self.name_problems({}, self.states or ())
         for name, texts, count in (("transition", self.f, n), ("observation", self.h, p)):
             # The expressions, or a subclass with a method of the same name in their place.
             own = getattr(type(self), name) is not getattr(ExtendedKalmanFilter, name)
             if texts is None and not own:
                 problems.append((name, f"missing; expected {count} expression(s)"))
-            elif texts is not None and len(texts) != count:
-                what = "state (x0)" if name == "transition" else "measurement (R)"
-                message = f"expected {count} expression(s), one per {what}, got {len(texts)}"
-                problems.append((name, message))
         for index in self.angles if self.angles is not None else ():
             if index not in range(p):
                 problems.append(("angles", f"expected numbers from 0 to {p - 1}, got {index:g}"))
         if problems:
             raise ParameterError(problems)
-        self.equations.check(self.written)
-        for text in self.h or ():
-            if re.search(r"\bu\b", text):
-                message = f"'{text}': a measurement cannot depend on u; make that a state"
-                raise ParameterError([("observation", message)])
+        self._check(None)
+        if self.uses_inputs(self.h or ()):
+            message = "a measurement cannot depend on u; make that a state"
+            raise ParameterError([("observation", message)])
+
+    def own_names(self) -> dict[str, Any]:
+        # Not of x.tolist(), which compiles for up to three states only.
+        parts = [f"float(x[{i}])" for i in range(self.x0.size)]
+        return {"x": parts, **(self.states.of(parts) if self.states else {})}
 
     @property
     def measured(self) -> int:
         """The number of measurements."""
         return 1 if self.r.ndim == 0 else len(self.r)
 
-    @property
-    def equations(self) -> Equations:
-        return Equations(self.x0.size, self.states or (), self.constants or {})
-
-    @property
-    def written(self) -> list[tuple[str, str]]:
-        """All expressions, each with its parameter."""
-        transition = [("transition", text) for text in self.f or ()]
-        return transition + [("observation", text) for text in self.h or ()]
+    def _check(self, count: int | None) -> None:
+        """Check all expressions with so many components in u; None as far as they are known."""
+        whole = {"transition": (self.f, self.x0.size), "observation": (self.h, self.measured)}
+        what = {"transition": "state (x0)", "observation": "measurement (R)"}
+        sizes = self.sizes_of({name: texts for name, (texts, _) in whole.items() if texts}, count)
+        problems = [
+            (name, wrong_size(whole[name][0] or (), whole[name][1], got, what[name]))
+            for name, got in sizes.items()
+            if got != whole[name][1]
+        ]
+        if problems:
+            raise ParameterError(problems)
 
     @property
     def variables(self) -> dict[str, SignalType]:
         return {"Y": Scalar if self.measured == 1 else Vector(self.measured)}
 
     def validate_in(self, context: BlockContext) -> None:
-        self.equations.check(self.written, context.count("u"))
+        self._check(self.input_count(context))
 
     def start(self, state: BlockState) -> None:
-        n, p, equations = self.x0.size, self.measured, self.equations
-        state.n, state.p, state.constants = n, p, equations.values
+        n, p = self.x0.size, self.measured
+        state.n, state.p, state.constants = n, p, self.constant_values
         count = len(state.context.terms["u"])
         texts = self.f or ("0",) * n
-        state.f = equations.function("transition", texts, count, "array")
+        state.f = self.function("transition", texts, count)
         texts = self.h or ("0",) * p
-        state.h = equations.function("observation", texts, count, "array")
+        state.h = self.function("observation", texts, count)
         state.q, state.r = self.q.copy(), self.r.reshape(p, p).copy()
         state.wrapped = np.zeros(p)
         for index in self.angles if self.angles is not None else ():
@@ -172,12 +171,12 @@ class ExtendedKalmanFilter(Block):
         self, state: BlockState, t: float, x: FloatArray, u: tuple[float, ...]
     ) -> FloatArray:
         """f: the states (n) one step after x."""
-        after: FloatArray = state.f(t, x.tolist(), u, state.constants)
+        after: FloatArray = state.f(t, x, u, state.constants)
         return after
 
     def observation(self, state: BlockState, t: float, x: FloatArray) -> FloatArray:
         """h: the measurements (p) of x."""
-        expected: FloatArray = state.h(t, x.tolist(), (), state.constants)
+        expected: FloatArray = state.h(t, x, (), state.constants)
         return expected
 
     def transition_jacobian(

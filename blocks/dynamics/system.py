@@ -2,49 +2,41 @@
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 from blocks.core import (
-    Block,
     BlockContext,
     BlockState,
-    Expression,
+    Equations,
+    Expressions,
     FloatArray,
-    Input,
+    Names,
     Output,
     ParameterError,
     Same,
-    Scalar,
     SignalType,
     State,
-    Vector,
     function_from,
     function_text,
+    items,
     param,
+    value_type,
+    width_of,
+    wrong_size,
 )
-from blocks.dynamics.equations import PARAMETERS, Equations
 
 
-class _System(Block, ABC):
+class _System(Equations, ABC):
     """States whose equations are expressions of them, of inputs and of the time."""
 
-    inputs = Input(
-        Scalar,
-        variadic=True,
-        spread="inputs",
-        name="u",
-        doc="any signals; their components in order are u[0], u[1], ...",
-    )
     out = Output(Same("T"), doc="the states, or what output says")
 
     initial: FloatArray = param(shape=[(), (None,)], doc="the states at the start")
-    states: tuple[str, ...] | None = param(None, doc="names of the states: [x, v]")
-    constants: Mapping[str, float] | None = param(
-        None, doc="names that the expressions use, with their values: {k: 2.5}"
+    states: Names | None = param(
+        None, doc="names of the states: [x, v], or with units: {x: m, v: m/s}"
     )
     results: tuple[str, ...] | None = param(
         None,
@@ -52,55 +44,71 @@ class _System(Block, ABC):
         doc="what out is, in states and inputs; default: the states",
     )
     kind: SignalType | None = param(
-        None, name="signal", doc="the output's type; default Scalar, or Vector for several values"
+        None,
+        name="signal",
+        doc="the output's type, or names and units of its components: {x: m, f: N}",
     )
+    arguments: ClassVar[tuple[str, ...]] = ("t", "x", "u", "c")
 
     @property
     @abstractmethod
-    def changes(self) -> tuple[str, ...]:
-        """One expression per state, for how it changes."""
+    def written(self) -> dict[str, tuple[str, ...]]:
+        """The expressions by parameter, those first that say how the states change."""
 
-    @property
-    @abstractmethod
-    def written(self) -> list[tuple[str, str]]:
-        """All expressions, each with its parameter."""
+    def own_names(self) -> dict[str, Any]:
+        parts = [f"x[{i}]" for i in range(self.initial.size)]
+        return {"x": parts, **(self.states.of(parts) if self.states else {})}
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": self.initial.size} if "initial" in self.__dict__ else {}
 
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong, apart from the expressions."""
         problems = []
-        count = len(self.changes)
-        if self.initial.size != count:
-            message = f"expected {count} number(s), one per state, got {self.initial.size}"
-            problems.append(("initial", message))
-        problems += self.equations.problems()
-        if self.resolved.symbol or self.resolved.shape != (
-            () if self.width == 1 else (self.width,)
-        ):
-            problems.append(("signal", f"expected a type of {self.width} components"))
-        return problems
+        if self.states is not None and self.states.size != self.initial.size:
+            got = f"{self.initial.size} name(s), one per state, got {self.states.size}"
+            problems.append(("states", f"expected {got}"))
+        return problems or self.name_problems({}, self.states or ())
 
     def validate(self) -> None:
         problems = self.problems()
+        if not problems:
+            self._check(None)
+            if self.results is None and width_of(self.resolved) != self.initial.size:
+                problems = [("signal", f"expected a type of {self.initial.size} components")]
         if problems:
             raise ParameterError(problems)
-        self.equations.check(self.written)
 
     def validate_in(self, context: BlockContext) -> None:
-        self.equations.check(self.written, context.count("u"))
+        self._check(self.input_count(context))
 
-    @property
-    def equations(self) -> Equations:
-        return Equations(len(self.changes), self.states or (), self.constants or {})
-
-    @property
-    def width(self) -> int:
-        return len(self.changes if self.results is None else self.results)
+    def _check(self, count: int | None) -> None:
+        """Check all expressions with so many components in u; None as far as they are known."""
+        n, written = self.initial.size, self.written
+        problems = []
+        for name, got in self.sizes_of(written, count).items():
+            if name == "output" and got != width_of(self.resolved):
+                problems.append(("signal", f"expected a type of {got} components"))
+            elif name == "when" and got != 1:
+                problems.append((name, f"expected a condition, got {got} components"))
+            elif name == next(iter(written)) and got != n:
+                problems.append(("initial", f"expected {got} number(s), one per state, got {n}"))
+            elif name not in ("output", "when") and got != n:
+                problems.append((name, wrong_size(written[name], n, got, "state")))
+        if problems:
+            raise ParameterError(problems)
 
     @cached_property
+    def _width(self) -> int:
+        if self.results is None:
+            return self.initial.size
+        return self.width("output", self.results)
+
+    @property
     def resolved(self) -> SignalType:
         """The output's type."""
-        kind = self.kind or (Scalar if self.width == 1 else Vector(self.width))
-        return kind.sized(self.width) if kind.symbol else kind
+        rows = self.states.rows if self.states and self.results is None else ()
+        return value_type(self.kind, self._width, rows)
 
     @property
     def variables(self) -> dict[str, SignalType]:
@@ -108,31 +116,29 @@ class _System(Block, ABC):
 
     @property
     def indirect(self) -> tuple[str, ...]:
-        # By the word u and not by the tree: this is asked before the inputs are known.
-        named = any(re.search(r"\bu\b", text) for text in self.results or ())
-        return () if named else ("u",)
+        # By words and not by the tree: this is asked before the inputs are known.
+        return () if self.uses_inputs(self.results or ()) else ("u",)
 
     def start(self, state: BlockState) -> None:
         state.x[:] = self.initial
-        state.n = len(self.changes)
-        state.constants = self.equations.values
+        state.n = self.initial.size
+        state.constants = self.constant_values
         form = self.resolved.form
         if self.results is None:
-            own = [Expression("", f"x[{i}]", frozenset()) for i in range(state.n)]
             # A function in this case, too, so that `output` is one line and compiles the same way.
-            state.results = function_from(function_text(own, PARAMETERS, form))
+            own = Expressions((), tuple(f"x[{i}]" for i in range(state.n)), ((state.n,),))
+            state.results = function_from(function_text(own, self.arguments, form))
         else:
-            state.results = self.function(state, "output", self.results, form)
+            state.results = self.compiled(state, "output", self.results, form)
 
-    def function(
-        self, state: BlockState, parameter: str, texts: tuple[str, ...], form: Any = "array"
+    def compiled(
+        self, state: BlockState, parameter: str, texts: Sequence[str], form: Any = "array"
     ) -> Any:
         """A function of (t, x, u, constants)."""
-        count = len(state.context.terms["u"])
-        return self.equations.function(parameter, texts, count, form)
+        return self.function(parameter, texts, len(state.context.terms["u"]), form)
 
     def output(self, state: BlockState, t: float, u: tuple[float, ...] = ()) -> Any:
-        return state.results(t, state.x.tolist(), u, state.constants)
+        return state.results(t, tuple(state.x.tolist()), u, state.constants)
 
 
 class DynamicSystem(_System):
@@ -157,57 +163,43 @@ class DynamicSystem(_System):
 
     x = State("n", name="x", continuous=True, doc="the states")
 
-    def sizes(self) -> dict[str, int]:
-        return {"n": len(self.rates)} if "rates" in self.__dict__ else {}
-
-    @property
-    def changes(self) -> tuple[str, ...]:
-        return self.rates
-
     def problems(self) -> list[tuple[str, str]]:
         problems = super().problems()
         if (self.when is None) != (self.then is None):
             missing = "then" if self.then is None else "when"
             problems.append((missing, "missing; an event has 'when' and 'then'"))
-        elif self.then is not None and len(self.then) != len(self.rates):
-            count = len(self.rates)
-            message = f"expected {count} expression(s), one per state, got {len(self.then)}"
-            problems.append(("then", message))
         return problems
 
     @property
-    def written(self) -> list[tuple[str, str]]:
-        expressions = [("derivative", text) for text in self.rates]
-        expressions += [("output", text) for text in self.results or ()]
-        expressions += [("when", self.when)] if self.when is not None else []
-        return expressions + [("then", text) for text in self.then or ()]
+    def written(self) -> dict[str, tuple[str, ...]]:
+        when = (self.when,) if self.when is not None else None
+        written = {"derivative": self.rates, "output": self.results, "when": when}
+        return {name: texts for name, texts in {**written, "then": self.then}.items() if texts}
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        state.rates = self.function(state, "derivative", self.rates)
+        state.rates = self.compiled(state, "derivative", self.rates)
         state.has_event = self.when is not None
-        state.condition = self.function(state, "when", (self.when or "0",), "scalar")
-        state.jump = self.function(state, "then", self.then or ("0",) * state.n)
+        state.condition = self.compiled(state, "when", (self.when or "0",), "scalar")
+        state.jump = self.compiled(state, "then", self.then or ("0",) * state.n)
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
         if state.has_event and self.happens(state, t, u):
             # All values before any is written: each expression sees the states before the event.
-            after = state.jump(t, state.x.tolist(), u, state.constants)
+            after = state.jump(t, tuple(state.x.tolist()), u, state.constants)
             for i in range(state.n):
                 state.x[i] = after[i]
 
     def happens(self, state: BlockState, t: float, u: tuple[float, ...]) -> bool:
         """Whether the event's condition holds."""
-        return bool(state.condition(t, state.x.tolist(), u, state.constants) != 0.0)
+        return bool(state.condition(t, tuple(state.x.tolist()), u, state.constants) != 0.0)
 
     def couplings(self, context: BlockContext) -> list[set[int]]:
-        count = context.count("u")
-        read = [self.equations.read("derivative", text, count) for text in self.rates]
-        # Names of states and indices are x[0], x[1], ... in the Python text, sums are written out.
-        return [set(map(int, re.findall(r"\bx\[(\d+)\]", each.python))) for each in read]
+        read = self.read(items("derivative", self.rates), self.input_count(context))
+        return read.couplings("x", self.initial.size)
 
     def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
-        rates: FloatArray = state.rates(t, state.x.tolist(), u, state.constants)
+        rates: FloatArray = state.rates(t, tuple(state.x.tolist()), u, state.constants)
         return rates
 
 
@@ -227,23 +219,15 @@ class DiscreteSystem(_System):
 
     x = State("n", name="x", doc="the states")
 
-    def sizes(self) -> dict[str, int]:
-        return {"n": len(self.following)} if "following" in self.__dict__ else {}
-
     @property
-    def changes(self) -> tuple[str, ...]:
-        return self.following
-
-    @property
-    def written(self) -> list[tuple[str, str]]:
-        expressions = [("next", text) for text in self.following]
-        return expressions + [("output", text) for text in self.results or ()]
+    def written(self) -> dict[str, tuple[str, ...]]:
+        return {"next": self.following} | ({"output": self.results} if self.results else {})
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        state.following = self.function(state, "next", self.following)
+        state.following = self.compiled(state, "next", self.following)
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
-        after = state.following(t, state.x.tolist(), u, state.constants)
+        after = state.following(t, tuple(state.x.tolist()), u, state.constants)
         for i in range(state.n):
             state.x[i] = after[i]

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from blocks.core import (
-    Block,
     BlockContext,
     BlockState,
-    Expression,
-    ExpressionError,
-    Input,
+    Equations,
     Output,
     ParameterError,
     Scalar,
-    function_from,
-    function_text,
-    misnamed,
     param,
-    read_expression,
 )
 
-_INDEX = re.compile(r"\bu\s*\[[^\]]*?(\d{1,3})\s*\]")
 MAX_HALVINGS = 1100  # of the largest interval of floats
 
 
-class AlgebraicConstraint(Block):
+class AlgebraicConstraint(Equations):
     """The number z that satisfies an equation: what an algebraic loop would have to find.
 
         u ─▶ [ AlgebraicConstraint ] ─▶ out
@@ -39,51 +29,32 @@ class AlgebraicConstraint(Block):
     equation of its one unknown.
     """
 
-    inputs = Input(
-        Scalar,
-        variadic=True,
-        spread="inputs",
-        name="u",
-        doc="any signals; their components in order are u[0], u[1], ...",
-    )
     out = Output(Scalar, doc="z")
 
     expression: str = param(doc="what is zero at the solution: 'z - u[0] + r*i0*exp(z/v)'")
     low: float = param(doc="lower end of the interval that holds z")
     high: float = param(doc="its upper end")
-    constants: Mapping[str, float] | None = param(
-        None, doc="names that the expression uses, with their values: {r: 1000}"
-    )
+    arguments: ClassVar[tuple[str, ...]] = ("z", "t", "u", "c")
+
+    def own_names(self) -> dict[str, Any]:
+        return {"z": "z"}
 
     def validate(self) -> None:
+        problems = self.name_problems({"z": "the output"})
         if not self.low < self.high:
             message = f"expected more than low = {self.low:g}, got {self.high:g}"
-            raise ParameterError([("high", message)])
-        variables = {"u": "the inputs", "z": "the output"}
-        problems = [("constants", text) for _, text in misnamed(self.constants or (), variables)]
+            problems.append(("high", message))
         if problems:
             raise ParameterError(problems)
-        used = [int(n) for n in _INDEX.findall(self.expression)]
-        self.read(1 + max(used, default=0))
+        self._check(None)
 
     def validate_in(self, context: BlockContext) -> None:
-        self.read(context.count("u"))
+        self._check(self.input_count(context))
 
-    def read(self, count: int) -> Expression:
-        """The expression, with so many components in u.
-
-        Raises
-        ------
-        ParameterError : it is not valid.
-        """
-        names: dict[str, Any] = {"z": "z", "t": "t", "u": [f"u[{i}]" for i in range(count)]}
-        names |= {name: f"c[{i}]" for i, name in enumerate(self.constants or {})}
-        try:
-            return read_expression(self.expression, names)
-        except ExpressionError as error:
-            short = self.expression[:60]
-            message = f"column {error.column} of '{short}': {error.message}"
-            raise ParameterError([("expression", message)]) from None
+    def _check(self, count: int | None) -> None:
+        sizes = self.sizes_of({"expression": (self.expression,)}, count)
+        if sizes.get("expression", 1) != 1:
+            raise ParameterError([("expression", "expected one number, got several")])
 
     def why_not_finite(self) -> str:
         return (
@@ -92,9 +63,9 @@ class AlgebraicConstraint(Block):
         )
 
     def start(self, state: BlockState) -> None:
-        read = self.read(len(state.context.terms["u"]))
-        state.rest = function_from(function_text([read], ("z", "t", "u", "c"), "scalar"))
-        state.constants = tuple((self.constants or {}).values()) or (0.0,)
+        count = len(state.context.terms["u"])
+        state.rest = self.function("expression", [self.expression], count, "scalar")
+        state.constants = self.constant_values
 
     def output(self, state: BlockState, t: float, u: tuple[float, ...]) -> float:
         low, high = self.low, self.high

@@ -8,8 +8,8 @@ Spikes (n,) and an error (k,) go in, the value (k,) comes out::
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import final
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, final
 
 import numpy as np
 
@@ -27,8 +27,8 @@ from blocks.core import (
 )
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step
-from blocks.neural.solving import Solved, decode
+from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step
+from blocks.neural.solving import Solved, decode, decode_each
 from blocks.neural.synapses import Synapse, passed, remember
 
 
@@ -123,6 +123,22 @@ class Decoder(Solved):
         elif state.by_spikes:
             state.quick = float(b[0])
 
+    def stack_key(self, context: BlockContext) -> Hashable:
+        groups = context.lengths.get("groups", 1) if self.weights_given is None else 1
+        rule = self.learning
+        # Learning in groups, and P of recursive least squares, stay with each block.
+        if rule is not None and (self._rule != "pes" or groups > 1):
+            return None
+        if self.filter == "spikes" and groups > 1:
+            return None
+        return self.synapse, self.filter, groups, None if rule is None else rule.tau
+
+    @classmethod
+    def stacked(
+        cls, blocks: Sequence[Any], states: Sequence[BlockState], arrays: Mapping[str, FloatArray]
+    ) -> DecoderStack:
+        return DecoderStack(blocks, states, arrays)
+
     def facts(self, state: BlockState) -> Mapping[str, float]:
         facts = {"synapses": float(state.weights.size)}
         return facts if math.isnan(state.error) else {**facts, "rmse": state.error}
@@ -200,3 +216,56 @@ class Decoder(Solved):
             pes_step(state.weights, state.activity, state.pending, state.gamma, 1.0, state.groups)
         if state.rule == "rls" and state.gamma > 0.0:
             rls_step(state.weights, state.inverse, state.activity, state.pending)
+
+
+class DecoderStack:
+    """Decoders with equal synapses, and with PES or without learning."""
+
+    def __init__(
+        self, blocks: Sequence[Any], states: Sequence[BlockState], arrays: Mapping[str, FloatArray]
+    ) -> None:
+        first, self.arrays = states[0], arrays
+        self.members, self.rows, self.n = arrays["weights"].shape
+        self.groups, self.by_spikes, self.learns = first.groups, first.by_spikes, first.rule != ""
+        self.a, self.b, self.quick, self.dt = first.a, first.b, first.quick, first.dt
+        self.filtered = arrays["filtered"].transpose(1, 0, 2)
+        self.gamma = np.array([[state.gamma] for state in states])
+
+    def output(self, t: float, spikes: FloatArray) -> FloatArray:
+        weights, spikes = self.arrays["weights"], spikes.reshape(self.members, self.n)
+        if not self.by_spikes:
+            return passed(self.filtered, self.a, self.b, decode_each(weights, spikes, self.groups))
+        activity = self.arrays["activity"]
+        activity = activity + self.quick * (spikes - activity)
+        value = decode_each(weights, activity, self.groups)
+        if self.learns:  # as in Decoder._of_filtered
+            squares = decode_each(activity[:, None], activity, self.groups)
+            value = value - self.gamma * self.arrays["pending"] * squares
+        return value
+
+    def update(
+        self,
+        t: float,
+        spikes: FloatArray,
+        error: tuple[FloatArray, ...],
+        learn: tuple[float, ...],
+        value: FloatArray,
+    ) -> None:
+        arrays, spikes = self.arrays, spikes.reshape(self.members, self.n)
+        if not self.by_spikes and len(self.b) > 0:
+            decoded = value = value.reshape(self.members, -1)
+            if len(self.b) > 1:
+                decoded = decode_each(arrays["weights"], spikes, self.groups)
+            remember(self.filtered, self.a, self.b, decoded, value)
+        if self.learns or self.by_spikes:
+            follow(arrays["activity"], spikes, self.quick)
+        if self.learns:
+            pending = arrays["pending"]
+            pes_each(arrays["weights"], arrays["activity"], self.gamma * pending)
+            pending[:] = 0.0
+            factor = np.array(learn)[:, None]
+            for term in error:
+                pending += factor * term.reshape(self.members, -1)
+        if flush_due(t, self.dt):
+            for name in ("filtered", "activity", "weights")[: 3 if self.learns else 2]:
+                flush(arrays[name])

@@ -7,8 +7,8 @@ Vectors (d,) and currents (n,) go in, the spikes of the last step (n,) come out:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import final
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, final
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from blocks.neural.distributions import Distribution
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
 from blocks.neural.rules import EncoderRule, Voja, follow, voja_step
+from blocks.neural.stacks import EnsembleStack
 
 # From this many dimensions, one product is faster than a loop over them.
 MANY_DIMENSIONS = 4
@@ -177,6 +178,17 @@ class Ensemble(Block):
 
     def resume(self, state: BlockState) -> None:
         state.scale[:] = state.gain / self.radius
+
+    def stack_key(self, context: BlockContext) -> Hashable:
+        if self.learning is not None or self.neuron.stacked(self.neurons) is None:
+            return None
+        return self.neuron, self.neurons
+
+    @classmethod
+    def stacked(
+        cls, blocks: Sequence[Any], states: Sequence[BlockState], arrays: Mapping[str, FloatArray]
+    ) -> EnsembleStack:
+        return EnsembleStack(blocks, states, arrays)
 
     def facts(self, state: BlockState) -> Mapping[str, float]:
         return {"neurons": state.gain.size, "synapses": state.scaled_encoders.size}

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from blocks.core import FloatArray, kernel_of, param, portable
-from blocks.neural.neurons import NeuronModel
+from blocks.neural.neurons import NeuronModel, independent
 
 # exp(700) is about 1e304: a rate below 1e-300 Hz, where exp(710) would overflow.
 LARGEST_EXPONENT = 700.0
@@ -55,6 +55,7 @@ class _Saturating(_Odd, abstract=True):
         return np.minimum(self.tau_ref * rates, BELOW_ONE)
 
 
+@independent
 def spiking_relu_step(
     dt: float,
     current: FloatArray,
@@ -88,6 +89,7 @@ class SpikingReLU(_Linear):
     step = staticmethod(spiking_relu_step)
 
 
+@independent
 def relu_step(
     dt: float,
     current: FloatArray,
@@ -109,6 +111,7 @@ class ReLU(_Linear):
     step = staticmethod(relu_step)
 
 
+@independent
 def sigmoid_step(
     dt: float,
     current: FloatArray,
@@ -137,6 +140,7 @@ class Sigmoid(_Saturating):
         return -portable.log(1.0 / self.share(rates) - 1.0)
 
 
+@independent
 def tanh_step(
     dt: float,
     current: FloatArray,
@@ -160,6 +164,7 @@ class Tanh(_Saturating):
         return portable.atanh(self.share(rates))
 
 
+@independent
 def izhikevich_step(
     dt: float,
     current: FloatArray,

@@ -27,7 +27,15 @@ from blocks.core import FloatArray, Variant
 NeuronStep = Callable[..., None]
 # Seconds before and while spikes are counted, and the currents of a table of simulated rates.
 SETTLING, COUNTING, TABLE = 0.1, 1.0, 800
+# Steps that treat each neuron alone: see `independent`.
+INDEPENDENT: set[NeuronStep] = set()
 STEP = ["dt", "current", "spikes", "voltage", "refractory", "recovery", "constants"]
+
+
+def independent(step: NeuronStep) -> NeuronStep:
+    """Declare that what a step does to a neuron does not depend on the others, nor their number."""
+    INDEPENDENT.add(step)
+    return step
 
 
 class NeuronModel(Variant, root=True, registry="neurons"):
@@ -66,6 +74,13 @@ class NeuronModel(Variant, root=True, registry="neurons"):
         # A simulation per call would take seconds: decoders ask for rates at thousands of currents.
         currents, rates = _table(self)
         return np.interp(current, currents, rates)
+
+    def stacked(self, each: int) -> NeuronStep | None:
+        """The step of any number of populations of ``each`` neurons as one, with the same bits;
+        None if none is known.
+        """
+        step = type(self).step  # a subclass may have one of its own
+        return step if step in INDEPENDENT else None
 
     @property
     def fastest(self) -> float:

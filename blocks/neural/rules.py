@@ -155,6 +155,16 @@ def _pes_kernel(
                     cells[i] = keep * cells[i] - scaled * activity[i]
 
 
+def pes_each(weights: FloatArray, activity: FloatArray, scaled: FloatArray) -> None:
+    """The rule PES for each member: W -= scaled s', (m, rows, n), (m, n) and (m, rows)."""
+    if scaled.all():
+        weights -= scaled[:, :, None] * activity[:, None]
+        return
+    # Rows without an error stay as they are: subtracting 0 would change the sign of a zero.
+    for i, row in zip(*scaled.nonzero(), strict=True):
+        weights[i, row] -= scaled[i, row] * activity[i]
+
+
 def rls_step(
     weights: FloatArray, inverse: FloatArray, activity: FloatArray, error: FloatArray
 ) -> None:

@@ -18,6 +18,8 @@ from blocks.core import (
     Block,
     BlockContext,
     BlockState,
+    Constants,
+    Definitions,
     FloatArray,
     Input,
     Output,
@@ -27,9 +29,10 @@ from blocks.core import (
     State,
     Vector,
     kernel_of,
+    misnamed,
     param,
 )
-from blocks.neural.decoded_function import DecodedFunction, PointError
+from blocks.neural.decoded_function import DecodedFunction, OwnNames, PointError
 from blocks.neural.decoder_solvers import DecoderSolver, SingularError, rmse
 from blocks.neural.distributions import Distribution
 from blocks.neural.ensemble import Ensemble
@@ -38,6 +41,8 @@ from blocks.neural.published_tuning import Tuning
 # Between these bounds the number of points follows the dimensions, as in Nengo; twice the neurons
 # keep the system overdetermined, up to a number at which solving would take seconds.
 LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
+# Up to this many decoders, a loop over them takes less time than the indices of a common sum.
+FEW = 3
 
 
 class Solved(Block, ABC):
@@ -48,6 +53,12 @@ class Solved(Block, ABC):
 
     function: DecodedFunction | None = param(
         None, doc="expressions of x, the represented vector; default x itself"
+    )
+    constants: Constants | None = param(
+        None, doc="names that the function uses, with their values: {k: 2.5}"
+    )
+    let: Definitions | None = param(
+        None, doc="names with expressions that the function uses: {r: norm(x)}"
     )
     transform: FloatArray | None = param(
         None, shape=[(), (None, None)], doc="a factor, or a matrix, that the value is multiplied by"
@@ -83,7 +94,7 @@ class Solved(Block, ABC):
 
     def _components(self, d: int) -> int:
         """The length of the function's value at a point of d dimensions."""
-        return d if self.function is None else self.function.components
+        return d if self.function is None else self.function.components(d, self._own_names)
 
     def validate(self) -> None:
         fixed = self.weights_given is not None
@@ -92,6 +103,14 @@ class Solved(Block, ABC):
             for name in ("function", "transform", "eval_points")
             if self.value(name) is not None
         ]
+        variables = {"x": "the represented vector"}
+        problems = [
+            (name, text)
+            for name, names in (("constants", self.constants), ("let", self.let))
+            for _, text in misnamed(names or (), variables)
+        ]
+        if problems:
+            raise ParameterError(problems)
         if fixed and both:
             message = "weights that are given are used as they are; remove one of the two"
             raise ParameterError([(name, message) for name in both])
@@ -149,7 +168,13 @@ class Solved(Block, ABC):
         return []
 
     def _targets(self, points: FloatArray) -> FloatArray:
-        return points if self.function is None else self.function.of_points(points)
+        if self.function is None:
+            return points
+        return self.function.of_points(points, self._own_names)
+
+    @property
+    def _own_names(self) -> OwnNames:
+        return self.constants, self.let
 
     def _points(self, rng: np.random.Generator, n: int, d: int, radius: float) -> FloatArray:
         """Evaluation points (m, d)."""
@@ -245,3 +270,29 @@ def _decode_kernel(weights: FloatArray, spikes: FloatArray, groups: int) -> Floa
                     total += amounts[k]
             value[group * rows + row] = total
     return value
+
+
+def decode_each(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:
+    """For each member what :func:`decode` makes of weights (m, rows, n), spikes (m, n)."""
+    members, rows, n = weights.shape
+    if members <= FEW:
+        return np.array([decode(w, s, groups) for w, s in zip(weights, spikes, strict=True)])
+    flat = spikes.reshape(-1)
+    firing = flat.astype(bool).nonzero()[0]
+    member, fired = firing // n, flat[firing]
+    # Where the weights of the first row are: those of member i begin at i rows n.
+    first = firing + member * ((rows - 1) * n) if rows > 1 else firing
+    if groups > 1:
+        each = n // groups
+        counted = [
+            np.bincount(firing // each, weights.take(first + row * n) * fired, members * groups)
+            for row in range(rows)
+        ]
+        return np.array(counted, dtype=float).T.reshape(members, groups * rows)
+    # A sum over a part begins with its first number, one over a row with 0: so a 0 before each.
+    padded = np.zeros((rows, len(firing) + members))
+    at = np.arange(1, len(firing) + 1) + member
+    for row in range(rows):
+        padded[row, at] = weights.take(first + row * n) * fired
+    starts = np.arange(members) + firing.searchsorted(np.arange(0, members * n, n))
+    return np.ascontiguousarray(np.add.reduceat(padded, starts, 1).T)

@@ -23,6 +23,7 @@ DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled", "checked")
 STATE_CHOICES = ("small", "all", "none")
+LOOPS = ("error", "solve")
 SOLVERS = ("euler", "heun", "rk4", "dopri5", "rodas4")
 ADAPTIVE = ("dopri5", "rodas4")
 STOP_DOCS = {
@@ -36,6 +37,7 @@ TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {
     **{"engine": ENGINES, "solver": SOLVERS, "states": STATE_CHOICES},
+    "loops": LOOPS,
     "time_unit": tuple(TIME_UNITS),
 }
 DEFAULT_MEMORY = 1024**3
@@ -92,6 +94,7 @@ class RunSection:
     stop: Stop | None = None
     states: str = STATE_CHOICES[0]
     time_unit: str = SECOND
+    loops: str = LOOPS[0]
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -118,7 +121,8 @@ def read_run(document: Node, problems: Problems) -> RunSection:
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
     states = _choice(run, "states", STATE_CHOICES, STATE_CHOICES[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
-    return RunSection(dt, until, seed, engine, memory, solver, stop, states, unit)
+    loops = _choice(run, "loops", LOOPS, LOOPS[0], problems)
+    return RunSection(dt, until, seed, engine, memory, solver, stop, states, unit, loops)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:

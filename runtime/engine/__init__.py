@@ -13,7 +13,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import Interrupts
-    from runtime.engine.point import Watched, flow_at
+    from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
     from runtime.engine.recorder import recording_file
@@ -26,11 +26,13 @@ __all__ = [
     "Engine",
     "Interrupts",
     "MakeRunner",
+    "Offsets",
     "Outcome",
+    "Point",
     "Profile",
     "Program",
     "Watched",
-    "flow_at",
+    "labels",
     "profile_text",
     "python_seconds",
     "recording_file",

@@ -17,6 +17,7 @@ from blocks.core import FloatArray, ParameterError
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
+from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
 from runtime.engine.program import Program
@@ -51,6 +52,7 @@ from runtime.engine.state import Held, RunState
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
+    Zeros,
     bad_slope,
     floats,
     sealed,
@@ -268,13 +270,14 @@ class Engine:
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""
         functions = (
-            *(math.isfinite, math.isnan, np.vdot, np.array, np.full),
+            *(math.isfinite, math.isnan, np.vdot, np.array, np.full, np.concatenate, Zeros()),
             *(self.checks.forms, sealed, self.checks.not_finite, floats),
         )
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
+        self.namespace |= loop_names(self.plan, self.state.arrays)
         if self.program.observation.stop is not None:
             self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
         names = self.program.names
@@ -399,6 +402,7 @@ class Engine:
         """The function of the Python plan."""
         code = self.program.code
         self.lines = code.lines
+        self.namespace |= self.state.stacks()
         exec(code.pieces[0], self.namespace)
         run: Run = self.namespace["run"]
         return run

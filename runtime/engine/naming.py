@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from runtime.plan import Plan, Port, Signal
 
 GLOBALS = (
-    *("isfinite", "isnan", "vdot", "array", "full"),
+    *("isfinite", "isnan", "vdot", "array", "full", "concatenate", "zeros"),
     *("checked", "sealed", "not_finite", "floats"),
 )
 # Names used by the loop around a compiled plan.
@@ -53,10 +53,14 @@ def names_of(plan: Plan) -> Names:
     if plan.integration is not None or plan.can_stop:
         taken |= set(CONTINUOUS_NAMES)
 
+    for loop in plan.loops:
+        own = ("loop_{}", "loop_{}_control", "unsolved_{}")
+        taken |= {"going", "begun", "newton", *(each.format(loop.number) for each in own)}
+
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")
-        while plain in taken or plain.startswith("probe_"):
-            plain = f"{plain}_" if not plain.startswith("probe_") else f"_{plain}"
+        while plain in taken or plain.startswith(("probe_", "stack_")):
+            plain = f"{plain}_" if plain in taken else f"_{plain}"
         taken.add(plain)
         return plain
 

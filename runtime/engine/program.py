@@ -7,18 +7,20 @@ bytecode, each made when it is first asked for. ``program.source()`` is the func
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import CodeType
 
-from blocks.core import BlockContext
+from blocks.core import Block, BlockContext
+from blocks.registry import is_built_in
 from runtime.engine.naming import Names, names_of
 from runtime.engine.python_text import PythonText
 from runtime.engine.recorder import buffer_rows, buffered
+from runtime.engine.stack_text import StackedText
 from runtime.network import Network
 from runtime.observation import Observation
-from runtime.plan import Plan, make_plan
+from runtime.plan import Plan, Stacking, make_plan
 
 FILENAME = "<the plan>"
 
@@ -75,19 +77,32 @@ class Program:
         """The variables that outlive a tick."""
         return tuple(map(self.names.of, self.plan.held))
 
+    @cached_property
+    def stacking(self) -> Stacking:
+        """The plan with equal calls of built-in blocks as one."""
+        keys: dict[str, Hashable] = {}
+        for name, entry in self.network.entries.items():
+            if entry.cls.stack_key is not Block.stack_key and is_built_in(entry.cls):
+                key = entry.block.stack_key(self.contexts[name])
+                keys |= {} if key is None else {name: (entry.cls, key)}
+        return Stacking(self.plan, keys)
+
     def printer(self, checked: bool = False) -> PythonText:
         """A printer of the plan as Python, for one text."""
         return PythonText(self.plan, self.names, checked, self.profiled)
 
     def source(self) -> str:
         """The text of the plan's function, as it is executed."""
-        return self.printer().function(self.plan.operations, self.held, self.held)
+        return self._stacked().function(self.stacking.steps, self.held, self.held)
+
+    def _stacked(self) -> StackedText:
+        return StackedText(self.plan, self.names, profiled=self.profiled)
 
     @cached_property
     def code(self) -> Code:
         """The function's bytecode."""
-        printer = self.printer()
-        text = printer.function(self.plan.operations, self.held, self.held)
+        printer = self._stacked()
+        text = printer.function(self.stacking.steps, self.held, self.held)
         return Code((compile(text, FILENAME, "exec"),), printer.lines)
 
     @cached_property

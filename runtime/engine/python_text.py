@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from blocks.core import SignalType
 from runtime.engine.naming import Names
 from runtime.engine.solvers import method_of
 from runtime.plan import (
+    ALWAYS,
     Argument,
     Call,
     Gate,
@@ -28,7 +30,9 @@ from runtime.plan import (
     Restore,
     Signal,
     Slot,
+    Solve,
     Source,
+    Step,
     Stop,
     Test,
     Zero,
@@ -64,11 +68,12 @@ class PythonText:
         self.leave = ""
         self.text: list[str] = []
         self.lines: dict[int, str] = {}
-        self.rate = 0
+        self.rate = ALWAYS
         self.depth = 2
         self.between_ticks = False
         self.printers: dict[type[Any], Callable[[Any], None]] = {
             Call: self.call,
+            Solve: self.solve,
             Test: self.test,
             Zero: self.zero,
             Restore: self.restore,
@@ -78,7 +83,7 @@ class PythonText:
         }
 
     def function(
-        self, operations: Sequence[Operation], incoming: Sequence[str], outgoing: Sequence[str]
+        self, operations: Sequence[Step], incoming: Sequence[str], outgoing: Sequence[str]
     ) -> str:
         """``run(first, last, held)``, which takes and returns the variables that outlive a tick."""
         self.leave = f"return ({', '.join(outgoing)},)" if outgoing else "return ()"
@@ -105,7 +110,7 @@ class PythonText:
             if i - first < PIECE and i < last and not isinstance(each, (Stop, Integrate)):
                 continue
             begin = len(self.text)
-            self.rate = 0
+            self.rate = ALWAYS
             self.operations(operations[first : i + 1])
             yield "\n" * begin + "\n".join(self.text[begin:]) + "\n"
             first = i + 1
@@ -116,17 +121,17 @@ class PythonText:
             self.lines[len(self.text)] = block
 
     def code(self, text: str, block: str = "") -> None:
-        self.line(self.depth + (self.rate > 1), text, block)
+        self.line(self.depth + (self.rate.every > 1), text, block)
 
     # Gates
 
-    def operations(self, operations: Sequence[Operation]) -> None:
+    def operations(self, operations: Sequence[Step]) -> None:
         """Write operations in order, each under its gate; those done once are left out."""
-        before: Operation | None = None
+        before: Step | None = None
         for each in operations:
             if each.gate.once:
                 continue
-            self.at(each.gate.every)
+            self.at(each.gate.rate)
             # A call with its tests is under one condition, and each call has its own.
             if not self.continues(before, each) and each.gate.switches:
                 self.code(self.condition(before, each.gate))
@@ -135,13 +140,13 @@ class PythonText:
             self.depth -= bool(each.gate.switches)
             before = each
 
-    def at(self, every: int) -> None:
-        """Set the rate: the code that follows runs on every ``every``-th tick."""
-        if every != self.rate and every > 1:
-            self.line(self.depth, f"if k % {every} == 0:")
-        self.rate = every
+    def at(self, rate: Gate) -> None:
+        """Set the rate: the code that follows runs on the ticks on which it is due."""
+        if rate != self.rate and rate.every > 1:
+            self.line(self.depth, f"if {rate.due('k').format('or')}:")
+        self.rate = rate
 
-    def continues(self, before: Operation | None, each: Operation) -> bool:
+    def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
         return (
             before is not None
@@ -149,9 +154,9 @@ class PythonText:
             and (before.gate, before.block) == (each.gate, each.block)
         )
 
-    def condition(self, before: Operation | None, gate: Gate) -> str:
+    def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
-        if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
+        if gate.is_off and before is not None and before.gate == replace(gate, is_off=False):
             return "else:"
         on = " and ".join(map(self.names.of, gate.switches))
         on = f"({on})" if gate.is_off and len(gate.switches) > 1 else on
@@ -224,6 +229,30 @@ class PythonText:
         values = {self.names.of(signal): signal.kind for signal in test.outputs}
         given = ", ".join([repr(test.block), repr(test.method), *values])
         self.code(f"{finite_test(values)} or not_finite({given})", test.block)
+
+    def solve(self, solve: Solve) -> None:
+        """Try values of the unknowns, until the calls compute the same."""
+        memory = f"loop_{solve.number}"
+        control = f"{memory}_control"
+        self.code(f"going = begun({memory}, {control})")
+        self.code("while going > 0.0:")
+        self.depth += 1
+        for signal, start, stop in solve.slots:
+            name, values = self.names.of(signal), f"{memory}[0, {start}:{stop}]"
+            forms = {
+                "scalar": f"{memory}.item(0, {start})",
+                "record": f"tuple({values}.tolist())",
+                "array": f"sealed({values}.reshape({signal.kind.shape!r}).copy())",
+            }
+            self.code(f"{name} = {forms[signal.kind.form]}")
+        for call in solve.calls:
+            self.call(call)
+        for signal, start, stop in solve.slots:
+            flat = ".ravel()" if signal.kind.form == "array" else ""
+            self.code(f"{memory}[1, {start}:{stop}] = {self.names.of(signal)}{flat}")
+        self.code(f"going = newton({memory}, {control})")
+        self.depth -= 1
+        self.code(f"going == 0.0 or unsolved_{solve.number}(going, t)")
 
     # States and recordings
 

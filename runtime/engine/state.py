@@ -77,7 +77,8 @@ class RunState:
     ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
     ``held`` are the variables that go into the next tick, as the runner has them; ``stop`` says
     whether and where ``run.stop`` ended the run. ``arrays`` are all arrays that move, by
-    ``block.state`` or by ``run/name``, each in place for the whole run.
+    ``block.state`` or by ``run/name``, each in place for the whole run. ``rows`` are the states of
+    blocks that are computed together, a row per block, of which the blocks' arrays are views.
     """
 
     program: Program
@@ -88,6 +89,7 @@ class RunState:
     continuous: FloatArray = field(init=False)
     stop: FloatArray = field(init=False)
     arrays: dict[str, Array] = field(init=False)
+    rows: dict[tuple[str, ...], dict[str, FloatArray]] = field(init=False)
     own: set[str] = field(init=False)
     compiled: set[str] = field(init=False, default_factory=set)
 
@@ -97,17 +99,38 @@ class RunState:
         self.stop = np.zeros(6)
         self.stop[BEFORE] = math.nan
         self.arrays = {"run/continuous": self.continuous, "run/stop": self.stop}
+        self.rows = {
+            members: {
+                state.name: np.zeros((len(members), *state.shape))
+                for state in self.program.plan.states[members[0]]
+            }
+            for members in self.program.stacking.members
+        }
+        self._row_of = {name: (m, i) for m in self.rows for i, name in enumerate(m)}
         self.blocks = {name: self._block(name) for name in entries}
         self.own = {name for name, entry in entries.items() if not is_built_in(entry.cls)}
 
     def _block(self, name: str) -> BlockState:
         states, slots = self.program.plan.states[name], self.program.plan.row.of(name)
-        arrays = {state.name: np.zeros(state.shape) for state in states}
+        if name in self._row_of:
+            members, i = self._row_of[name]
+            arrays = {key: array[i, ...] for key, array in self.rows[members].items()}
+        else:
+            arrays = {state.name: np.zeros(state.shape) for state in states}
         for slot in slots:
             arrays[slot.name] = self.continuous[slot.start : slot.stop].reshape(slot.shape)
         apart = arrays.keys() - {slot.name for slot in slots}
         self.arrays |= {f"{name}.{key}": arrays[key] for key in arrays if key in apart}
         return BlockState(self.program.contexts[name], seed_of(self.seed, name), arrays)
+
+    def stacks(self) -> dict[str, Any]:
+        """What computes equal blocks together, by its name in the plan's text."""
+        found = {}
+        for number, (members, arrays) in enumerate(self.rows.items()):
+            blocks = [self.program.network.entries[name].block for name in members]
+            states = [self.blocks[name] for name in members]
+            found[f"stack_{number}"] = type(blocks[0]).stacked(blocks, states, arrays)
+        return found
 
     def checkpoint(self) -> Checkpoint:
         """A copy of the state.

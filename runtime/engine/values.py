@@ -55,6 +55,14 @@ def floats(value: Any) -> Any:
     return float(value)
 
 
+class Zeros(dict[int, FloatArray]):
+    """Read-only arrays of zeros, by their length."""
+
+    def __missing__(self, length: int) -> FloatArray:
+        self[length] = sealed(np.zeros(length))
+        return self[length]
+
+
 @dataclass(frozen=True)
 class OutputChecks:
     """Checks what the blocks of a network return against the types of their outputs."""

@@ -43,7 +43,7 @@ class Selection:
 
     def every(self, port: Port) -> int:
         """How many base ticks an output holds."""
-        return self.network.entries[port[0]].every
+        return self.network.entries[port[0]].grid
 
 
 def named_blocks(network: Network, names: Sequence[str], others: Sequence[str]) -> frozenset[str]:
@@ -84,6 +84,12 @@ def select(network: Network, plan: Plan, chosen: frozenset[str]) -> Selection:
     GraphError : an input of theirs depends on an output of theirs in the same tick, or one of
         them has continuous states.
     """
+    for loop in plan.loops:
+        if blocks := sorted(loop.blocks & chosen):
+            raise UsageError(
+                f"{', '.join(blocks)} are in an algebraic loop that only a run solves "
+                f"({loop.path}); a UnitDelay on one of its wires breaks it"
+            )
     once = {s.key for call in plan.evaluations if call.gate.once for s in call.outputs}
     calls = [each for each in plan.operations if isinstance(each, Call) and not each.gate.once]
     ours = [call for call in calls if call.block in chosen]

@@ -35,7 +35,7 @@ from runtime.observation import Observation
 
 if TYPE_CHECKING:
     from runtime.engine import Program
-    from runtime.runs import Linearization, PreparedRun, Result
+    from runtime.runs import Linearization, PreparedRun, Result, Trim
 
 
 class Graph:
@@ -349,24 +349,20 @@ class Graph:
         return simulate(graph.prepared(), progress)
 
     def linearize(
-        self,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        *,
-        at: float = 0.0,
-        states: Mapping[str, Value] | None = None,
+        self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any
     ) -> Linearization:
-        """The graph as x' = A x + B u, y = C x + D u; see
-        :func:`runtime.runs.linearization.linearize`.
-
-        Raises
-        ------
-        UsageError : an address is wrong, or the graph has no continuous states.
+        """The graph as a linear system at an operating point; ``how`` as for
+        :func:`runtime.runs.linearization.linearize`: ``at``, ``states``, ``opened``.
         """
         from runtime.runs import linearize
 
-        graph = self._set("run.until", at) if at > 0.0 else self
-        return linearize(graph.network, inputs, outputs, at, states)
+        return linearize(self.network, inputs, outputs, **how)
+
+    def trim(self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any) -> Trim:
+        """An equilibrium; ``how`` as for :func:`runtime.runs.equilibrium.trim`."""
+        from runtime.runs import trim
+
+        return trim(self.network, inputs, outputs, **how)
 
     def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
         """What a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""

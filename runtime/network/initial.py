@@ -5,6 +5,7 @@ block and state, each of the shape that the block declares::
 
     from: runs/line/latest                        all blocks of the same names and shapes
     initial: {snn.weights: runs/trained/latest}   this state alone, after `from`
+    initial: {plant.x: [0.1, 0]}                  numbers
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+
+import numpy as np
 
 from blocks.core import FloatArray, hint
 from runtime.document import Node
@@ -43,7 +46,9 @@ def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[st
     notes: list[str] = []
     files: dict[str, dict[str, FloatArray] | None] = {}
     whole, entries = (network.document.get(key) for key in ("from", "initial"))
-    if any(node is not None and node.value for node in (whole, entries)):
+    runs = [whole] if whole is not None else []
+    runs += [each for _, each in entries.items()] if entries is not None and entries.is_map else []
+    if any(isinstance(node.value, str) and node.value for node in runs):
         notes.append(ANEW)
     if whole is not None and whole.value is not None:
         arrays = _states(whole, "from", files, problems)
@@ -56,6 +61,9 @@ def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[st
         problems.add(entries.where, "initial", message)
         return initial, notes
     for address, node in entries.items():
+        if isinstance(node.value, (int, float, list)):
+            _take_numbers(network, address, node, initial, problems)
+            continue
         arrays = _states(node, f"initial.{address}", files, problems)
         if arrays is not None:
             _take(network, address, arrays, initial, node, problems)
@@ -149,7 +157,32 @@ def _take(
             initial.setdefault(block, {})[state] = array
 
 
-def _misfit(network: Network, block: str, state: str, array: FloatArray) -> str:
+def _take_numbers(
+    network: Network, address: str, node: Node, initial: Initial, problems: Problems
+) -> None:
+    """The numbers that an entry of ``initial`` gives; one number stands for all of a state."""
+    block, _, state = address.rpartition(".")
+    try:
+        array = np.asarray(node.plain(), dtype=np.float64)
+    except (TypeError, ValueError):
+        problems.add(node.where, f"initial.{address}", f"expected numbers, got {node.describe()}")
+        return
+    entry = network.entries.get(block)
+    shape = None
+    if entry is not None and state in entry.cls.spec.states:
+        shape = whole_shape(network, Endpoint(block, state))
+    if not array.ndim and shape is not None:
+        array = np.full(shape, float(array))
+    message = _misfit(network, block, state, array, "what is given")
+    if message:
+        problems.add(node.key, f"initial.{address}", message)
+    else:
+        initial.setdefault(block, {})[state] = array
+
+
+def _misfit(
+    network: Network, block: str, state: str, array: FloatArray, given: str = "that of the run"
+) -> str:
     """Why an array is no state of a block; '' if it is one."""
     entry = network.entries.get(block)
     if entry is None:
@@ -158,5 +191,5 @@ def _misfit(network: Network, block: str, state: str, array: FloatArray) -> str:
         return f"'{block}' has no state '{state}'{hint(state, entry.cls.spec.states)}"
     shape = whole_shape(network, Endpoint(block, state))
     if shape is not None and shape != array.shape:
-        return f"state '{state}' of '{block}' has the shape {shape}, that of the run {array.shape}"
+        return f"state '{state}' of '{block}' has the shape {shape}, {given} {array.shape}"
     return ""

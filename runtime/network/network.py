@@ -10,6 +10,8 @@ and reports read::
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -27,10 +29,14 @@ Port = tuple[str, str]
 
 
 def place_of(node: Node, parameter: str) -> Where:
-    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    """Where a parameter is written, or the part of it that ``a.b`` or ``a[1]`` names; else the
+    block.
+    """
     where, item = node.key, node
-    for name in parameter.split("."):
+    for name in re.findall(r"[^.\[\]]+", parameter):
         inner = item.get(name) if item.is_map else None
+        if item.is_list and name.isdecimal() and int(name) < len(item.value):
+            inner = item.value[int(name)]
         if inner is None:
             break
         where, item = inner.where, inner
@@ -41,7 +47,8 @@ def place_of(node: Node, parameter: str) -> Where:
 class NetworkEntry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
-    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step.
+    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step, and
+    ``offset`` is the tick of its first one.
     """
 
     name: str
@@ -51,6 +58,12 @@ class NetworkEntry:
     block_or_none: Block | None
     every: int = 1
     sampled: bool = False
+    offset: int = 0
+
+    @property
+    def grid(self) -> int:
+        """The largest number of base ticks of which all ticks of the block are multiples."""
+        return math.gcd(self.every, self.offset)
 
     @property
     def short(self) -> str:
@@ -123,6 +136,7 @@ class Network:
     signal_types : those that the graph's own blocks define, by name.
     notes : what looks wrong but can run.
     time_unit : what dt, until and all times of its blocks are in.
+    loops : whether an algebraic loop is an "error", or the run has to "solve" it.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -145,6 +159,7 @@ class Network:
     document: Node
     states: str = "small"
     time_unit: str = SECOND
+    loops: str = "error"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)

@@ -3,36 +3,36 @@
 ``building`` makes a plan of a network and its observation, ``order`` sorts its evaluations, and
 ``moving`` says what a solver computes again between two ticks. ``operations`` is the form; a line
 of it is ``call      error.out: Scalar = error.output(t, (reference.out, plant.y))``. ``passes`` go
-over operations, and ``c_text`` has what printers of C share.
+over operations, ``stacking`` makes one call of equal ones, and ``c_text`` has what printers of C
+share.
 """
 
 from runtime.plan.building import make_plan
 from runtime.plan.c_text import CText, numbers_in
 from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
-    Argument,
+    ALWAYS,
     Call,
     Gate,
     Integrate,
     Load,
     Operation,
     Plan,
-    Port,
     Record,
     Restore,
-    Row,
-    Signal,
-    Slot,
-    Source,
-    StateArray,
+    Solve,
     Stop,
     Store,
     Test,
     Zero,
+    calls_in,
 )
 from runtime.plan.passes import exchanged, signals_of
+from runtime.plan.stacking import Stack, Stacking, Step
+from runtime.plan.values import Argument, Port, Row, Signal, Slot, Source, StateArray
 
 __all__ = [
+    "ALWAYS",
     "Argument",
     "CText",
     "Call",
@@ -47,12 +47,17 @@ __all__ = [
     "Row",
     "Signal",
     "Slot",
+    "Solve",
     "Source",
+    "Stack",
+    "Stacking",
     "StateArray",
+    "Step",
     "Stop",
     "Store",
     "Test",
     "Zero",
+    "calls_in",
     "continuous_row",
     "exchanged",
     "make_plan",

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Sequence
 
 from runtime.network import Network, state_shape
-from runtime.plan.operations import Call, Operation, Port, Row, Slot, StateArray
+from runtime.plan.operations import Call, Operation, Solve
+from runtime.plan.values import Port, Row, Slot, StateArray
 
-Evaluated = tuple[Call, tuple[Operation, ...]]  # a call, and what belongs to it
+Evaluated = tuple[Call | Solve, tuple[Operation, ...]]  # a call, or a loop, and its tests
 
 
 def declared_states(network: Network, name: str) -> tuple[StateArray, ...]:

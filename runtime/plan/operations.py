@@ -13,126 +13,22 @@ or count them. Each operation prints as one line. Of a Pulse that feeds an Integ
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from blocks.core import SignalType
 from runtime.document import SECOND
-from runtime.network import Endpoint, columns, component_type
 from runtime.plan.coupling import Coupling
-
-Port = tuple[str, str]  # a block and one of its outputs
-
-
-@dataclass(frozen=True)
-class Signal:
-    """An output of a block, with its type."""
-
-    block: str
-    port: str
-    kind: SignalType
-
-    @property
-    def key(self) -> Port:
-        return self.block, self.port
-
-    def __str__(self) -> str:
-        return f"{self.block}.{self.port}"
-
-
-@dataclass(frozen=True)
-class StateArray:
-    """A declared state of a block, with its shape."""
-
-    block: str
-    name: str
-    shape: tuple[int, ...]
-
-    @property
-    def size(self) -> int:
-        return math.prod(self.shape)
-
-    def __str__(self) -> str:
-        return f"{self.block}.{self.name}"
-
-
-@dataclass(frozen=True)
-class Slot(StateArray):
-    """A continuous state, and where it begins in the row of all continuous states of a graph.
-
-    As what a call writes, it is the state's rate of change.
-    """
-
-    start: int
-
-    @property
-    def stop(self) -> int:
-        return self.start + self.size
-
-    def address(self, column: int) -> str:
-        """The address of one number of the row, as probes write it."""
-        return str(self) + (f".{column - self.start}" if self.shape else "")
-
-    def component(self, column: int) -> str:
-        """The address of one number of the row, for messages."""
-        inside = f"[{column - self.start}]" if self.shape else ""
-        return f"{self.name}{inside}"
-
-
-@dataclass(frozen=True)
-class Source:
-    """What is read: a signal or a state, or a component of it."""
-
-    whole: Signal | StateArray
-    component: str = ""
-
-    @property
-    def kind(self) -> SignalType:
-        """The type of what is read of a signal."""
-        if not isinstance(self.whole, Signal):
-            raise TypeError(f"{self.whole} is a state")
-        end = Endpoint(*self.whole.key, self.component)
-        return component_type(self.whole.kind, end) or self.whole.kind
-
-    @property
-    def columns(self) -> int | slice | None:
-        """The index, or the indices, of the component of a signal."""
-        return columns(self.whole.kind, self.component) if isinstance(self.whole, Signal) else None
-
-    def __str__(self) -> str:
-        inside = f"[{self.component}]" if ":" in self.component else f".{self.component}"
-        return f"{self.whole}{inside}" if self.component else str(self.whole)
-
-
-@dataclass(frozen=True)
-class Argument:
-    """What a method of a block takes for one of its parameters.
-
-    port : an input, or an output of the block itself.
-    kind : the type in which the method takes each source.
-    sources : what is wired to it: one, none if the input is open, any number if it is variadic.
-    default : the value of an open input.
-    """
-
-    block: str
-    port: str
-    kind: SignalType
-    sources: tuple[Source, ...]
-    is_variadic: bool = False
-    default: float = 0.0
-
-    def __str__(self) -> str:
-        texts = ", ".join(map(str, self.sources))
-        if self.is_variadic:
-            return f"({texts})"
-        return texts or f"{self.default:g}"
+from runtime.plan.values import Argument, Row, Signal, Slot, Source, StateArray, Target
 
 
 @dataclass(frozen=True)
 class Gate:
     """When an operation is done.
 
-    every : on each tick that is a multiple of this.
+    every : on each tick that is a multiple of this, plus ``offset``.
+    starts : on tick 0 as well: an output holds what it is at the start until its block's first
+        tick.
     switches : outputs that must all be on: those of the parts around a block, the outer ones first.
     is_off : the other way round: while one of the switches is off.
     once : before the first tick, and not again.
@@ -142,16 +38,28 @@ class Gate:
     switches: tuple[Signal, ...] = ()
     is_off: bool = False
     once: bool = False
+    offset: int = 0
+    starts: bool = False
+
+    @property
+    def rate(self) -> Gate:
+        """The same without the switches."""
+        return Gate(self.every, offset=self.offset, starts=self.starts)
+
+    def due(self, tick: str) -> str:
+        """The condition on a tick in Python and in C, for a rate below that of the base ticks."""
+        text = f"{tick} % {self.every} == {self.offset}"
+        return f"{text} {{}} {tick} == 0" if self.starts else text
 
     def __str__(self) -> str:
         names = " and ".join(map(str, self.switches))
         parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
+        parts += [f"from {self.offset}"] if self.offset else []
         parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
         return f"  [{', '.join(parts)}]" if parts else ""
 
 
 ALWAYS = Gate()
-Target = Signal | StateArray
 
 
 @dataclass(frozen=True)
@@ -206,6 +114,58 @@ class Test:
 
     def __str__(self) -> str:
         return f"test      {', '.join(map(str, self.outputs))}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Solve an algebraic loop: signals that its calls compute from themselves.
+
+    unknowns : signals whose values are tried, of type Scalar, a record or an array; with them
+        known, ``calls`` can be done in order, and compute them again.
+    path : the loop in words.
+    """
+
+    number: int
+    unknowns: tuple[Signal, ...]
+    calls: tuple[Call, ...]
+    path: str
+    gate: Gate = ALWAYS
+
+    @property
+    def block(self) -> str:
+        """None: it belongs to all in the loop."""
+        return ""
+
+    @property
+    def blocks(self) -> set[str]:
+        return {call.block for call in self.calls}
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        return tuple(signal for call in self.calls for signal in call.outputs)
+
+    @property
+    def reads(self) -> list[Signal]:
+        return [signal for call in self.calls for signal in call.reads]
+
+    @property
+    def slots(self) -> list[tuple[Signal, int, int]]:
+        """Each unknown, with the first of its numbers among all and the one after its last."""
+        found, start = [], 0
+        for signal in self.unknowns:
+            stop = start + math.prod(signal.kind.shape)
+            found.append((signal, start, stop))
+            start = stop
+        return found
+
+    @property
+    def size(self) -> int:
+        """How many numbers are unknown."""
+        return self.slots[-1][2]
+
+    def __str__(self) -> str:
+        head = f"solve     for {', '.join(map(str, self.unknowns))}{self.gate}"
+        return "\n".join([head, *(f"  {each}" for each in self.calls)])
 
 
 @dataclass(frozen=True)
@@ -285,33 +245,6 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class Row:
-    """The row of all continuous states of a graph, which a solver integrates."""
-
-    slots: tuple[Slot, ...] = ()
-
-    @property
-    def size(self) -> int:
-        """The number of continuous states, each component counted."""
-        return self.slots[-1].stop if self.slots else 0
-
-    @cached_property
-    def by_block(self) -> dict[str, tuple[Slot, ...]]:
-        """The slots of each block that has some."""
-        found: dict[str, tuple[Slot, ...]] = {}
-        for slot in self.slots:
-            found[slot.block] = (*found.get(slot.block, ()), slot)
-        return found
-
-    def of(self, block: str) -> tuple[Slot, ...]:
-        return self.by_block.get(block, ())
-
-    def at(self, column: int) -> Slot:
-        """The slot of a number of the row."""
-        return next(slot for slot in self.slots if slot.start <= column < slot.stop)
-
-
-@dataclass(frozen=True)
 class Integrate:
     """Integrate the continuous states from this tick to the next one.
 
@@ -345,8 +278,7 @@ class Integrate:
     @property
     def blocks(self) -> set[str]:
         """The blocks that are called."""
-        inside = (*self.stage, *self.projections, *self.watch)
-        return {each.block for each in inside if isinstance(each, Call)}
+        return {call.block for call in calls_in((*self.stage, *self.projections, *self.watch))}
 
     def __str__(self) -> str:
         lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
@@ -380,7 +312,16 @@ class Store:
         return f"store     {', '.join(map(str, self.signals))}{self.gate}"
 
 
-Operation = Call | Test | Zero | Restore | Record | Stop | Integrate | Load | Store
+Operation = Call | Solve | Test | Zero | Restore | Record | Stop | Integrate | Load | Store
+
+
+def calls_in(operations: Iterable[Operation]) -> Iterator[Call]:
+    """The calls among operations, those in loops included."""
+    for each in operations:
+        if isinstance(each, Call):
+            yield each
+        elif isinstance(each, Solve):
+            yield from each.calls
 
 
 @dataclass(frozen=True)
@@ -401,8 +342,12 @@ class Plan:
     @cached_property
     def evaluations(self) -> tuple[Call, ...]:
         """The calls that compute outputs in order, those of constants included."""
-        calls = (each for each in self.operations if isinstance(each, Call))
-        return tuple(each for each in calls if each.outputs)
+        return tuple(each for each in calls_in(self.operations) if each.outputs)
+
+    @cached_property
+    def loops(self) -> tuple[Solve, ...]:
+        """The algebraic loops that are solved."""
+        return tuple(each for each in self.operations if isinstance(each, Solve))
 
     @cached_property
     def records(self) -> tuple[Record, ...]:

@@ -7,23 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 
 from runtime.plan.coupling import Columns
 from runtime.plan.operations import (
     Call,
-    Gate,
     Integrate,
     Load,
     Operation,
-    Port,
     Record,
-    Row,
-    Signal,
+    Solve,
     Stop,
     Store,
     Test,
     Zero,
+    calls_in,
 )
+from runtime.plan.values import Port, Row, Signal
 
 
 def signals_of(operations: Iterable[Operation]) -> set[Port]:
@@ -31,7 +32,7 @@ def signals_of(operations: Iterable[Operation]) -> set[Port]:
     found: set[Port] = set()
     for each in operations:
         values: list[object] = list(each.gate.switches)
-        if isinstance(each, Call):
+        if isinstance(each, (Call, Solve)):
             values += [*each.reads, *each.outputs]
         elif isinstance(each, (Test, Zero)):
             values += each.outputs
@@ -56,21 +57,21 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
         store     b.out
     """
     loads: list[Signal] = []
-    every = operations[0].gate.every
+    rate = operations[0].gate.rate
     done: list[Operation] = []
     for each in operations:
         if isinstance(each, Integrate):
-            calls = [call for call in (*each.stage, *each.watch) if isinstance(call, Call)]
+            calls = list(calls_in((*each.stage, *each.watch)))
             done.append(replace(each, stage=_stored(each.stage), watch=_stored(each.watch)))
         else:
-            calls = [each] if isinstance(each, Call) else []
+            calls = list(calls_in([each]))
             done.append(each)
         for call in calls:
             # A call that a switch leaves out stores the outputs as they were.
             before = call.outputs if call.gate.switches else ()
             loads += [*call.reads, *call.gate.switches, *before]
     first = operations[0]
-    taken = Load(first.block, tuple(dict.fromkeys(loads)), Gate(every))
+    taken = Load(first.block, tuple(dict.fromkeys(loads)), rate)
     return [taken, *(done if isinstance(first, Integrate) else _stored(done))]
 
 
@@ -79,9 +80,9 @@ def _stored(operations: Sequence[Operation]) -> tuple[Operation, ...]:
     done: list[Operation] = []
     waiting: list[Store] = []
     for each in operations:
-        if isinstance(each, Call):
+        if isinstance(each, (Call, Solve)):
             done += waiting
-            waiting = [Store(each.block, each.outputs, Gate(each.gate.every))]
+            waiting = [Store(each.block, each.outputs, each.gate.rate)]
         done.append(each)
     return (*done, *waiting)
 
@@ -101,6 +102,11 @@ def coupled(
     signals: dict[Port, Columns] = {}
     rates = [0] * row.size
     for call in stage:
+        if isinstance(call, Solve):
+            # Each depends on all that any of them reads.
+            of = [signals.get(signal.key, 0) for signal in call.reads]
+            of += [whole.get(block, 0) for block in call.blocks]
+            signals |= dict.fromkeys((s.key for s in call.outputs), reduce(or_, of, 0))
         if not isinstance(call, Call):
             continue
         read = 0

@@ -18,7 +18,13 @@ from runtime.plots.figures import (
 )
 from runtime.plots.film import animate, animated_plot
 from runtime.plots.formulas import disable_math
-from runtime.plots.linear import draw_linear
+from runtime.plots.linear import (
+    LinearSystem,
+    draw_linear,
+    draw_locus,
+    draw_margins,
+    draw_nyquist,
+)
 from runtime.plots.looks import LOOKS, fit
 from runtime.plots.map import (
     contacts,
@@ -63,6 +69,7 @@ __all__ = [
     "LOOKS",
     "STYLE",
     "WIDTH",
+    "LinearSystem",
     "animate",
     "animated_plot",
     "arrange",
@@ -73,6 +80,9 @@ __all__ = [
     "display_names",
     "draw",
     "draw_linear",
+    "draw_locus",
+    "draw_margins",
+    "draw_nyquist",
     "draw_series",
     "draw_trajectory",
     "draw_wall_distance",

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         save,
         save_elsewhere,
     )
+    from runtime.runs.equilibrium import Trim, trim
     from runtime.runs.folder import (
         DIAGRAM,
         MANIFEST,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from runtime.runs.notebook import Figures
     from runtime.runs.result import Result, open_run
     from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+    from runtime.runs.stability import Margins, margins, step_info
     from runtime.runs.tables import dataframe
 else:
     __getattr__ = door(__name__)
@@ -58,8 +60,10 @@ __all__ = [
     "Draft",
     "Figures",
     "Linearization",
+    "Margins",
     "PreparedRun",
     "Result",
+    "Trim",
     "at_start",
     "chosen_runner",
     "contents",
@@ -68,6 +72,7 @@ __all__ = [
     "leftovers",
     "linearize",
     "link_latest",
+    "margins",
     "new_folder",
     "open_run",
     "portable",
@@ -78,5 +83,7 @@ __all__ = [
     "save",
     "save_elsewhere",
     "simulate",
+    "step_info",
+    "trim",
     "versions",
 ]

@@ -31,7 +31,7 @@ class Verb(Protocol):
 
 _HERE = (
     *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "check", "graphs"),
-    *("ablate", "sweep", "tune", "compare", "report", "export", "clean", "plugins"),
+    *("ablate", "sweep", "tune", "fit", "compare", "report", "export", "clean", "plugins"),
     *("completion", "schema"),
 )
 _VERB: Any = Verb

@@ -20,7 +20,7 @@ from blocks.core import SignalType
 from runtime.compiler import Kernel, written
 from runtime.engine.compiled.driver import DriverText
 from runtime.engine.compiled.plan_text import ATTEMPT, HELPERS, RUN, literal
-from runtime.engine.compiled.solver_unit import solver_unit
+from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
 from runtime.engine.python_text import CONDITIONS, row
@@ -36,6 +36,7 @@ from runtime.plan import (
     Restore,
     Signal,
     Slot,
+    Solve,
     Source,
     Stop,
     Test,
@@ -45,8 +46,9 @@ from runtime.plan import (
 from runtime.toolchain import TranslationUnit
 
 # What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
-# of change is not finite, or its tolerance is not met), or the run's condition to stop holds.
-FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED = range(5)
+# of change is not finite, or its tolerance is not met), the run's condition to stop holds, or an
+# algebraic loop has no solution.
+FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
 
 
 @dataclass
@@ -55,7 +57,7 @@ class PlanText:
 
     text : in C, without the support that every unit begins with.
     calls : by their number in ``at``.
-    solver : the solver's own unit, of a graph with continuous states.
+    others : the units of the solver of a graph with continuous states, and of those of loops.
     driver : the Python loop around it, empty if nothing is called between its ``parts``; ``lines``
         maps its lines to the blocks that they call.
     """
@@ -63,7 +65,7 @@ class PlanText:
     text: str
     struct: Struct
     calls: list[Call]
-    solver: TranslationUnit | None = None
+    others: list[TranslationUnit] = field(default_factory=list)
     driver: str = ""
     parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
@@ -84,7 +86,7 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
             continue
         with printer.block(f"if (low <= {number} && {number} < high)"):
             printer.operations(part)
-    made = PlanText("", printer.struct, printer.calls, printer.solver, parts=len(parts))
+    made = PlanText("", printer.struct, printer.calls, printer.others, parts=len(parts))
     if called:
         driver = DriverText(plan, names, printer.struct)
         made.driver, made.lines = driver.loop(called), driver.lines
@@ -101,15 +103,21 @@ def divided(
     """The operations in C, cut into parts, and between each two what Python does."""
     parts: list[list[Operation]] = [[]]
     called: list[list[Operation]] = []
+    in_python: set[str] = set()  # blocks of loops that Python solves, which tests these, too
     for each in plan.operations:
         if isinstance(each, Integrate):
             is_python = not (each.blocks | each.row.by_block.keys()) <= set(compiled)
+        elif isinstance(each, Solve):
+            is_python = not each.blocks <= set(compiled)
+            in_python |= each.blocks if is_python else set()
         else:
-            is_python = isinstance(each, (Call, Test, Zero)) and each.block not in compiled
+            is_python = isinstance(each, (Call, Test, Zero)) and (
+                each.block not in compiled or each.block in in_python
+            )
         if not is_python:
             parts[-1].append(each)
         elif not each.gate.once:
-            if isinstance(each, (Call, Integrate)):  # its tests follow
+            if isinstance(each, (Call, Solve, Integrate)):  # its tests follow
                 parts.append([])
                 called.append([])
             called[-1].append(each)
@@ -124,10 +132,11 @@ class EngineText(CText):
         self.plan, self.kernels = plan, kernels
         self.struct = Struct(names)
         self.calls: list[Call] = []
-        self.solver: TranslationUnit | None = None
+        self.others: list[TranslationUnit] = []
         self.own: set[str] = set()
         self.functions = ""
         self.printers |= {
+            Solve: self.solve,
             Record: self.record,
             Stop: self.stop_at_tick,
             Integrate: self.integrate,
@@ -192,6 +201,32 @@ class EngineText(CText):
         wrong = f"ctx->at = {len(self.calls) - 1}; return {NOT_FINITE};"
         self.put(f"if (!({' && '.join(tests)})) {{ {wrong} }}")
 
+    def uses(self, unit: TranslationUnit, prototypes: Sequence[str]) -> None:
+        """Build a unit as well, and call its functions."""
+        self.others += [] if unit in self.others else [unit]
+        self.own |= set(prototypes)
+
+    def solve(self, solve: Solve) -> None:
+        """Try values of the unknowns, until the calls compute the same."""
+        self.uses(*newton_unit(solve.size))
+        memory = self.struct.array(f"loop_{solve.number}")
+        given = f"{memory}, {self.struct.array(f'loop_{solve.number}_control')}, &going"
+        with self.block(""):
+            self.put("double going = 0.0;", f"loop_begun_{solve.size}(ctx, NULL, {given});")
+            with self.block("while (going > 0.0)"):
+                for signal, start, stop in solve.slots:
+                    place = self.place(Source(signal))
+                    self.put(f"copy_numbers({place}, {memory} + {start}, {stop - start});")
+                for call in solve.calls:
+                    self.call(call)
+                for signal, start, stop in solve.slots:
+                    result = f"{memory} + {solve.size + start}"
+                    self.put(
+                        f"copy_numbers({result}, {self.place(Source(signal))}, {stop - start});"
+                    )
+                self.put(f"loop_newton_{solve.size}(ctx, NULL, {given});")
+            self.put(f"if (going < 0.0) return {UNSOLVED};")
+
     # States and recordings
 
     def zero(self, zero: Zero) -> None:
@@ -235,8 +270,7 @@ class EngineText(CText):
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
         method = method_of(part.solver, part.colours)
-        self.solver, prototypes = solver_unit(part, method)
-        self.own |= set(prototypes)
+        self.uses(*solver_unit(part, method))
         if part.stop is None:
             self.integrated(part, method, "dt")
             return

@@ -24,6 +24,7 @@ from runtime.engine.compiled.c_plan import (
     FINISHED,
     NOT_FINITE,
     STOPPED,
+    UNSOLVED,
     PlanText,
     c_plan,
 )
@@ -107,8 +108,7 @@ def _built(
         plan = TranslationUnit(PLAN, "\n".join([support(), *texts, text.text]), level)
         units = {kernel.text: kernel.unit for kernel in others.values()}
         try:
-            solver = [text.solver] if text.solver is not None else []
-            library = builder.build([plan, *solver, *units.values()], tell)
+            library = builder.build([plan, *text.others, *units.values()], tell)
         except BuildError as error:
             if error.unit == PLAN and small:
                 inside = False  # compiled one by one, errors name their block
@@ -244,7 +244,9 @@ class CompiledRunner:
         """Where compiled code stopped, and what it met there."""
         tick = self.memory.tick
         if ended not in (FAILED, NOT_FINITE):
-            return CompiledError("", tick, "rates of change that it cannot integrate")
+            what = "an algebraic loop without a solution"
+            what = what if ended == UNSOLVED else "rates of change that it cannot integrate"
+            return CompiledError("", tick, what)
         call = self.text.calls[self.memory.at]
         if ended == NOT_FINITE:
             return CompiledError(call.block, tick, f"an output of {call.method} not finite")

@@ -10,6 +10,7 @@ from typing import Any
 from runtime import engine
 from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
 from runtime.compiler import salt
+from runtime.engine import loops
 from runtime.engine.rosenbrock import (
     difference,
     factor_loops,
@@ -72,6 +73,26 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         search += [("span", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))
         functions.append(narrowed)
+    return _written("the solver", entries, functions, TITLE)
+
+
+def newton_unit(size: int) -> tuple[TranslationUnit, list[str]]:
+    """The functions that solve an algebraic loop with so many unknowns, as :func:`solver_unit`."""
+    memory, control = Array("float", (loops.SLOPES + size, size)), Array("float", (4,))
+    taken: list[tuple[str, Type]] = [("memory", memory), ("control", control)]
+    entries = [
+        Entry(f"loop_{each.__name__}_{size}", each.__name__, taken, [FLOAT])
+        for each in (loops.begun, loops.newton)
+    ]
+    functions = [loops.begun, loops.newton, loops.column, loops.shift, loops.move]
+    functions += [loops.shorter, loops.linear]
+    title = "Newton's method for an algebraic loop."
+    return _written(f"Newton's method for {size}", entries, functions, title)
+
+
+def _written(
+    name: str, entries: list[Entry], functions: list[Any], title: str
+) -> tuple[TranslationUnit, list[str]]:
     key = f"solver_{digest(salt(engine), repr(entries))}.json"
     record = read_record(key)
     if record is None:
@@ -79,7 +100,7 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         from runtime.codegen import Writer
         from runtime.compiler import translate_functions
 
-        made = Writer(translate_functions(functions)).unit(entries, TITLE)
+        made = Writer(translate_functions(functions)).unit(entries, title)
         record = {"text": made.text, "prototypes": made.prototypes}
         write_record(key, record)
-    return TranslationUnit("the solver", record["text"]), record["prototypes"]
+    return TranslationUnit(name, record["text"]), record["prototypes"]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         read_experiment,
     )
     from runtime.experiments.design.factors import Factor, Range, parse_factor
+    from runtime.experiments.design.measurements import Measurement, parse_measurement
     from runtime.experiments.design.objective import Constraint, Objective
     from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
     from runtime.experiments.design.sampling import Design
@@ -48,6 +49,7 @@ __all__ = [
     "Experiment",
     "Factor",
     "GraphVariant",
+    "Measurement",
     "Named",
     "Objective",
     "Over",
@@ -66,6 +68,7 @@ __all__ = [
     "is_experiment",
     "own_value",
     "parse_factor",
+    "parse_measurement",
     "parse_seeds",
     "read_experiment",
     "removals",

@@ -9,7 +9,7 @@ are reported together, with line and column::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -34,6 +34,8 @@ from runtime.errors import (
     Where,
 )
 from runtime.experiments.design.entries import SWEEP_KEYS, TUNING_KEYS, Entries, read_entries
+from runtime.experiments.design.measurements import KEYS as DATA_KEYS
+from runtime.experiments.design.measurements import Measurement, read_measurements
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.seeds import Seeds
@@ -49,7 +51,7 @@ PLAN_KEYS = (
     *("points", "made"),  # total and provenance, in plans of schema 1
 )
 KEYS = (
-    *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants"),
+    *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", "data"),
     *(*TUNING_KEYS, *PLAN_KEYS),
 )
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
@@ -58,13 +60,17 @@ Change = Callable[[Graph], Graph]
 
 @dataclass(frozen=True)
 class Experiment:
-    """What to run: a graph, what is varied in it, and ``variants`` of it; ``path`` is its file."""
+    """What to run: a graph, what is varied in it, and ``variants`` of it; ``path`` is its file.
+
+    ``data`` is what was measured, which a fit compares the graph with.
+    """
 
     name: str
     graph: Graph
     entries: Entries = field(default_factory=Entries)
     variants: tuple[GraphVariant, ...] = ()
     path: Path | None = None
+    data: tuple[Measurement, ...] = ()
 
     @property
     def seeds(self) -> Seeds | None:
@@ -155,7 +161,7 @@ def _position(where: Where, otherwise: Where) -> Where:
 
 def is_experiment(document: Node) -> bool:
     """Whether a document describes an experiment, not a graph."""
-    return any(document.get(key) for key in ("experiment", "vary", "variants", "training"))
+    return any(document.get(key) for key in ("experiment", "vary", "variants", "training", "data"))
 
 
 @dataclass
@@ -196,6 +202,7 @@ class _ExperimentReader:
                 lambda node, address: self.named_variants(node, address, graph),
             ),
             variants=tuple(self.variants(graph)),
+            data=tuple(self.measurements(graph)),
         )
         problems.raise_any()
         return experiment
@@ -271,8 +278,17 @@ class _ExperimentReader:
         section = self.document.get("variants")
         return [] if section is None else self.named_variants(section, "variants", graph)
 
-    def named_variants(self, section: Node, address: str, graph: Graph) -> list[GraphVariant]:
-        """The graphs of a section that maps names to changes of a graph."""
+    def measurements(self, graph: Graph) -> Iterable[Measurement]:
+        section = self.document.get("data")
+        if section is None:
+            return ()
+        variants = self.named_variants(section, "data", graph, (*VARIANT_KEYS, *DATA_KEYS))
+        return read_measurements(section, variants, self.folder, self.problems)
+
+    def named_variants(
+        self, section: Node, address: str, graph: Graph, keys: Sequence[str] = VARIANT_KEYS
+    ) -> list[GraphVariant]:
+        """The graphs of a section that maps names to changes of a graph, and other ``keys``."""
         if not section.is_map:
             message = f"expected {{name: changes}}, got {section.describe()}"
             self.problems.add(section.where, address, message)
@@ -284,7 +300,7 @@ class _ExperimentReader:
                 message = f"expected changes, as in {{without: adaptive}}, got {node.describe()}"
                 self.problems.add(node.where, place, message)
                 continue
-            check_keys(node, VARIANT_KEYS, place, self.problems, "key")
+            check_keys(node, keys, place, self.problems, "key")
             base = graph
             if node.get("graph") is not None:
                 base = self.graph(node, place) or graph

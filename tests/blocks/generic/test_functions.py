@@ -40,7 +40,7 @@ def test_one_to_many_components_without_inputs() -> None:
     ("entry", "part"),
     [
         ({"expression": "u[0] + sni(t)"}, "column 8 of 'u[0] + sni(t)': no function 'sni', did"),
-        ({"expression": ["1", "u[7]"]}, "number 1, column 3 of 'u[7]': 'u' has 3 components"),
+        ({"expression": ["1", "u[7]"]}, "expression[1]: column 3 of 'u[7]': 'u' has 3"),
         ({"expression": "x", "names": ["x", "y"]}, "expected 3 names, one for each component of u"),
         (
             {"expression": "1", "names": ["sin", "y", "z"]},

@@ -108,8 +108,14 @@ CASES = {
     ],
     "param of params": [
         ("{type: LinePath}", "{type: LinePath, y: $a}"),
-        "params: {a: $b, b: 1}\n",
-        "g.yaml:18:13: params.a: '$b': the values of params cannot be other params",
+        "params: {a: $b, b: 2*$a}\n",
+        "g.yaml:18:13: params.a: the param is computed from itself: $a -> $b -> $a",
+    ],
+    "arithmetic of params": [
+        ("{type: LinePath}", "{type: LinePath, y: $a}"),
+        "params: {a: 2*$b*c, b: 1}\n",
+        "g.yaml:18:13: params.a: expected arithmetic with numbers, as in '$d * 0.5': "
+        "unknown name 'c'; known: pi, e, tau (in '2*$b*c')",
     ],
     "value of a param": [
         ("{type: LinePath}", "{type: LinePath, samples: $n}"),
@@ -348,7 +354,7 @@ CASES = {
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
         "g.yaml:14:19: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these "
-        "wires breaks it",
+        "wires breaks it, and run: {loops: solve} solves it at each tick",
     ],
     # -- removing
     "without nothing": [
@@ -674,7 +680,8 @@ def test_every_loop_is_reported(tmp_path: Path) -> None:
         "a.out ▸ b.terms[0] ▸ b.out ▸ a.terms[0]",
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
     )
-    suggestion = "; a UnitDelay on one of these wires breaks it"
+    suggestion = "; a UnitDelay on one of these wires breaks it, and run: {loops: solve} solves it"
+    suggestion += " at each tick"
     assert second == f"g.yaml:17:24: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
 
 

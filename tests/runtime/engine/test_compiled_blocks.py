@@ -425,6 +425,16 @@ CASES: dict[str, list[Case]] = {
             free=("x",),
         ),
         Case(blocks.DynamicSystem(derivative="-x[0]", initial=1.0), absent=True),
+        Case(
+            blocks.DynamicSystem(
+                derivative=["v", "solve(m + outer(p, p), -r*p) - v/norm(v, 1)"],
+                initial=[1, 0.5, 0, 0.8],
+                states=["p(2)", "v(2)"],
+                constants={"m": [[2, 0.5], [0.5, 1]]},
+                let={"r": "1/norm(p)**3 if norm(p) > 0.1 and det(inv(m)) > 0 else 0"},
+            ),
+            free=("x",),
+        ),
     ],
     "Unicycle": [Case(blocks.Unicycle(), free=("x",))],
     "Bicycle": [Case(blocks.Bicycle(v_max=1.0), free=("x",))],

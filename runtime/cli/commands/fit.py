@@ -1,0 +1,131 @@
+"""``runtime fit``: find numbers of a graph that reproduce recorded data."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runtime.arguments import add_output, integer
+from runtime.cli.commands.changes import add_changes
+from runtime.cli.commands.workers import experiment_of, note_of, show_results
+from runtime.errors import UsageError
+from runtime.terminal import tell
+
+if TYPE_CHECKING:
+    from runtime.experiments.design import Measurement
+    from runtime.graph import Graph
+
+HELP = "find numbers of a graph that reproduce recorded data, by least squares"
+ABOUT = """
+Runs the graph again and again, until its signals are as close as possible to columns of a file: by
+least squares, within the ranges that --vary gives. Prints each number with its 95 % interval, and
+says which numbers the data do not determine.
+
+  runtime fit arm.yaml --vary arm.damping=0..1 --to push.csv:angle=arm.angle
+  runtime fit experiment.yaml --starts 8 --write
+"""
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.description = ABOUT.strip()
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.add_argument("graph", help="a graph, or an experiment.yaml with 'data'")
+    parser.add_argument(
+        "--vary",
+        action="append",
+        metavar="PATH=RANGE",
+        default=[],
+        help="a number to find: arm.damping=0..1, gain.gain='log(0.1..10)'; repeatable",
+    )
+    parser.add_argument(
+        "--to",
+        action="append",
+        metavar="FILE:COLUMN=SIGNAL[,...]",
+        default=[],
+        help="data: push.csv:angle=arm.angle; each --to is a run of its own; repeatable",
+    )
+    parser.add_argument(
+        "--weight",
+        action="append",
+        metavar="SIGNAL=W",
+        default=[],
+        help="how much a signal's difference, in standard deviations of its data, counts (1)",
+    )
+    parser.add_argument(
+        "--starts",
+        type=integer(1, 10_000),
+        default=4,
+        metavar="N",
+        help="starts of the search, the first from the graph's own numbers (4)",
+    )
+    parser.add_argument("--name", help="the fit's name (the graph's)")
+    parser.add_argument(
+        "--write", action="store_true", help="write the numbers into the file, comments kept"
+    )
+    add_output(parser, "fits", "fits")
+    add_changes(parser)
+
+
+def run(options: Namespace) -> int:
+    """Fit, print the table, draw the figure."""
+    from runtime.fitting import fit_model, model_of, save_fit, summary
+    from runtime.runs import link_latest, new_folder
+    from runtime.terminal import Progress
+
+    experiment = experiment_of(options)
+    if options.write:
+        from runtime.experiments.tuning import check_writable
+
+        check_writable(experiment)
+    model = model_of(experiment, _measurements(options, experiment.graph), note_of(options))
+    progress = Progress(experiment.name, wanted=not (options.quiet or options.json))
+    try:
+        fit = fit_model(model, options.starts, progress)
+    except KeyboardInterrupt:
+        tell(f"interrupted after {model.count} runs; nothing is written")
+        return 130
+    finally:
+        progress.close()
+    folder = new_folder(Path(options.out), experiment.name)
+    stored = save_fit(fit, folder)
+    link_latest(folder)
+    pictures = []
+    if not options.no_plots:
+        from runtime.experiments.analysis.figures import save_figures
+        from runtime.fitting import fit_figures
+
+        pictures = save_figures(folder, fit_figures(fit, experiment.name))
+    show_results(options, stored, summary(fit), pictures)
+    if options.write:
+        from runtime.experiments.tuning import write_values
+
+        tell(f"note: the numbers are written into {write_values(experiment, fit.values)}")
+    return 0
+
+
+def _measurements(options: Namespace, graph: Graph) -> tuple[Measurement, ...]:
+    from runtime.experiments.design import parse_measurement
+
+    weights = dict(map(_weight, options.weight))
+    found = [parse_measurement(text, graph) for text in options.to]
+    unknown = weights.keys() - {signal for each in found for signal in each.signals.values()}
+    if unknown:
+        raise UsageError(f"--weight {min(unknown)}: there is no --to with this signal")
+    return tuple(
+        replace(each, weights={c: weights[s] for c, s in each.signals.items() if s in weights})
+        for each in found
+    )
+
+
+def _weight(text: str) -> tuple[str, float]:
+    signal, equals, number = text.partition("=")
+    try:
+        weight = float(number)
+    except ValueError:
+        weight = 0.0
+    if not (equals and 0.0 < weight < float("inf")):
+        raise UsageError(f"--weight {text}: expected SIGNAL=W with a number above 0")
+    return signal.strip(), weight

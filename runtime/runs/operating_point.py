@@ -1,0 +1,174 @@
+"""Where a graph is linearized, or brought to rest: its states, inputs and outputs at one time.
+
+In: a network, addresses, a time. Out: a :class:`runtime.engine.Point`, with the numbers there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray, hint
+from runtime.engine import Engine, Offsets, Point, Program, Watched, labels
+from runtime.errors import UsageError
+from runtime.network import AddressError, Endpoint, Network, check_output, find, state_shape
+from runtime.observation import Observation
+from runtime.plan import Port
+from runtime.runs.sampling import structure_of
+
+
+class OperatingPoint:
+    """A graph at a time, with numbers that are added to some signals.
+
+    ``columns`` are the states and held signals, ``u`` the inputs: 0, and at a cut the signal
+    itself. ``inputs`` and ``outputs`` are labels, ``driven`` those of the inputs that are wanted.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        at: float,
+        states: Mapping[str, Any],
+        opened: str = "",
+    ) -> None:
+        self.network = network
+        ends = [_watch(network, text) for text in outputs]
+        cut = _cut(network, opened) if opened else None
+        if cut is not None and not (inputs or outputs):
+            ends, outputs = [Watched(cut)], [opened]
+        first: dict[Port, int] = {}
+        self.inputs: tuple[str, ...] = ()
+        for text in inputs:
+            port = _input_at(network, text)
+            first[port] = len(self.inputs)
+            self.inputs += tuple(labels(text, network.types[port]))
+        self.driven = frozenset(self.inputs)
+        components: tuple[int, ...] = ()
+        if cut is not None:
+            key = cut.block, cut.port
+            every = labels(f"{cut.block}.{cut.port}", network.types[key])
+            chosen = [opened] if cut.component else every
+            components = tuple(i for i, name in enumerate(every) if name in chosen)
+            self.driven = self.driven if inputs else frozenset(chosen)
+            if key not in first:
+                first[key] = len(self.inputs)
+                self.inputs += tuple(every)
+        self.outputs = tuple(
+            each for text, w in zip(outputs, ends, strict=True) for each in _rows(network, text, w)
+        )
+        self.structure = structure_of(network, first.keys(), {each.end.block for each in ends})
+        engine, tick = _engine(network, at, max(1, self.structure.period))
+        offsets = Offsets(first, None if cut is None else (cut.block, cut.port), components)
+        self.engine, self.tick, self.states = engine, tick, states
+        self.u = np.zeros(len(self.inputs))
+        if cut is not None:
+            # What readers get at the cut while the loop is closed.
+            value, start = self.value_of(Watched(replace(cut, component=""))), first[key]
+            self.u[[start + i for i in components]] = value[list(components)]
+        self.point = Point(engine, tick, self.structure.sampled, offsets, ends)
+        self.columns = self._columns(self.point, states)
+        self._check(self.point)
+
+    def value_of(self, watched: Watched) -> FloatArray:
+        """The numbers of a signal, with nothing added and nothing cut."""
+        closed = Point(self.engine, self.tick, self.structure.sampled, Offsets(), [watched])
+        return closed.tick(0, self._columns(closed, self.states), np.zeros(0))[1]
+
+    def _columns(self, point: Point, states: Mapping[str, Any]) -> FloatArray:
+        """The numbers at the point, with the outputs of a tick there."""
+        columns = point.values()
+        known = point.columns[: sum(point.sizes[:2])]
+        for address, value in states.items():
+            place = [i for i, name in enumerate(known) if name.startswith(f"{address}.")]
+            place = [i for i, name in enumerate(known) if name == address] or place
+            if not place:
+                near = hint(address, known) or f"; the states are {', '.join(known) or 'none'}"
+                raise UsageError(f"no state '{address}'{near}")
+            array = np.asarray(value, dtype=np.float64)
+            if array.size not in (1, len(place)):
+                raise UsageError(f"'{address}' has {len(place)} numbers, got {array.size}")
+            columns[place] = array.ravel()
+        u = self.u if len(point.offsets.first) else np.zeros(0)
+        held = sum(point.sizes[:2])
+        columns[held:] = point.tick(0, columns, u)[0][held:]
+        return columns
+
+    def _check(self, point: Point) -> None:
+        drawing = point.drawing(self.columns, self.u)
+        if drawing:
+            names = ", ".join(f"'{name}'" for name in drawing)
+            one = len(drawing) == 1
+            raise UsageError(
+                f"{names} draw{'s' * one} random numbers, of which there is no derivative; leave "
+                f"{'it' if one else 'them'} out with --without or --bypass {','.join(drawing)}"
+            )
+
+
+def _engine(network: Network, at: float, period: int) -> tuple[Engine, int]:
+    """An engine that has run up to a time at which all sampled blocks act, and its tick."""
+    tick = math.ceil(round(at / network.dt) / period) * period
+    network = replace(network, until=tick * network.dt) if tick else network
+    engine = Engine(Program(network, Observation()), network.seed)
+    if not tick:
+        engine.prepare()
+        return engine, 0
+    outcome = engine.run()
+    if outcome.error is not None:
+        raise outcome.error
+    return engine, outcome.ticks
+
+
+def _input_at(network: Network, text: str) -> Port:
+    """The input or output of a block to which an offset is added."""
+    block, _, port = text.rpartition(".")
+    entry = network.entries.get(block)
+    if entry is not None and port in entry.cls.spec.inputs:
+        if entry.cls.spec.inputs[port].variadic:
+            raise UsageError(f"'{text}' takes many wires; name the output that drives it")
+        return block, port
+    end = _output_at(network, text)
+    if end.component or end.port in network.entries[end.block].cls.spec.states:
+        raise UsageError(f"'{text}': expected a whole input or output of a block")
+    return end.block, end.port
+
+
+def _cut(network: Network, text: str) -> Endpoint:
+    end = _output_at(network, text)
+    kind = network.types.get((end.block, end.port))
+    if kind is None:
+        raise UsageError(f"'{text}': expected an output of a block, at which the loop is cut")
+    return end
+
+
+def _watch(network: Network, text: str) -> Watched:
+    end = _output_at(network, text)
+    return Watched(end, end.port in network.entries[end.block].cls.spec.states)
+
+
+def _output_at(network: Network, text: str) -> Endpoint:
+    try:
+        end = find(network.scope, text).end
+    except AddressError as error:
+        raise UsageError(str(error)) from None
+    message = check_output(network, end, states=True)
+    if message or end.block not in network.entries:
+        raise UsageError(message or f"'{end.block}' is removed")
+    return end
+
+
+def _rows(network: Network, text: str, watch: Watched) -> list[str]:
+    end = watch.end
+    if end.component:
+        return [text]
+    if not watch.is_state:
+        return labels(text, network.types[end.block, end.port])
+    entry = network.entries[end.block]
+    spec = entry.cls.spec
+    shape = state_shape(entry.block, spec.states[end.port], network.context(end.block), spec)
+    return [f"{text}.{i}" for i in range(math.prod(shape))] if shape else [text]

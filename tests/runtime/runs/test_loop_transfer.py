@@ -1,0 +1,121 @@
+"""Loops that are cut, and their margins, against closed forms and python-control."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.errors import MissingExtraError, UsageError
+from runtime.plots.linear import step_end
+from runtime.runs import margins, step_info
+from tests.conftest import Run
+from tests.runtime.runs.test_sampled_linearization import A, B, loop
+
+ct = pytest.importorskip("control")
+
+
+def test_a_cut_pid_loop_is_its_transfer_function() -> None:
+    found = runtime.load("gallery/pid_loop").linearize(opened="pid.out")
+    s = ct.tf("s")
+    expected = (3.0 + 2.0 / s + 0.1 * s / (1.0 + s / 10.0)) * 0.3 / s
+    system = found.to_control()
+    assert system.input_labels == ["pid_out"]
+    assert system.state_labels == ["pid_integral", "pid_filtered", "plant_integral"]
+    for w in (0.1, 1.0, 10.0):
+        assert complex(system(1j * w)) == pytest.approx(complex(expected(1j * w)), rel=1e-9)
+    gm, pm, _, wpc = ct.margin(expected)
+    got = margins(found)
+    assert (got.gain, got.phase) == pytest.approx((gm, pm), rel=1e-6)
+    assert got.delay == pytest.approx(math.radians(pm) / got.phase_at, rel=1e-9)
+    assert math.isnan(wpc) or wpc > 0.0
+    assert got.is_stable
+
+
+def test_a_sampled_loop_that_is_cut() -> None:
+    """L(z) of a gain at 10 ms before the unstable plant, by scipy's zero-order hold."""
+    graph = loop({"type": "Gain", "gain": 60.0, "dt": 0.01})
+    found = graph.linearize(opened="control.out")
+    plant = ct.c2d(ct.ss(A, B, [[1.0, 0.2]], 0.0), 0.01)
+    system = found.to_control()
+    assert system.dt == 0.01
+    for w in (1.0, 30.0, 200.0):
+        z = np.exp(0.01j * w)
+        assert complex(system(z)) == pytest.approx(60.0 * complex(plant(z)), rel=1e-8)
+    got = margins(found)
+    assert got.is_stable
+    # 1 / S at its smallest: the distance from -1.
+    w = np.geomspace(0.1, math.pi / 0.01, 200_000)
+    closest = np.abs(1.0 + 60.0 * plant(np.exp(0.01j * w))).min()
+    assert got.modulus == pytest.approx(closest, rel=1e-4)
+    assert got.sensitivity == pytest.approx(1.0 / closest, rel=1e-4)
+
+
+def test_a_component_of_a_command_is_cut_alone() -> None:
+    graph = runtime.load(
+        {
+            "run": {"dt": 0.01, "until": 1.0},
+            "blocks": {
+                "k": {"type": "Gain", "gain": [-2.0, -3.0], "signal": "Vector(2)"},
+                "x": {"type": "Integrator", "initial": [1.0, 1.0]},
+            },
+            "wires": {"k": {"input": "x.out"}, "x": {"input": "k.out"}},
+        }
+    )
+    found = graph.linearize(opened="k.out.1")
+    assert found.inputs == ("k.out.1",)
+    np.testing.assert_allclose(found.a, [[-2.0, 0.0], [0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(found.b, [[0.0], [1.0]], atol=1e-12)
+    np.testing.assert_allclose(found.c, [[0.0, 3.0]], atol=1e-12)
+    # L = 3 / s: 90 degrees at 3 rad/s.
+    assert margins(found).phase == pytest.approx(90.0)
+    assert margins(found).phase_at == pytest.approx(3.0, rel=1e-6)
+    with pytest.raises(UsageError, match="expected one input and one output, got 2 and 2"):
+        margins(graph.linearize(opened="k.out"))
+
+
+def test_the_numbers_of_a_step_response() -> None:
+    graph = runtime.load("gallery/pid_loop")
+    found = graph.linearize(["setpoint.out"], ["gain.out"])
+    expected = ct.step_info(ct.ss(found.a, found.b, found.c, found.d))
+    assert step_info(found) == pytest.approx(expected)
+    with pytest.raises(UsageError, match="not stable, so its step response has no final value"):
+        step_info(graph.linearize(opened="pid.out"))
+
+
+def test_step_responses_of_unstable_systems_end_early() -> None:
+    # Growth by 30, not 2e175.
+    assert step_end(np.array([4.84 + 0j, -0.083])) == pytest.approx(math.log(30.0) / 4.84)
+    assert step_end(np.array([-0.5 + 0j, -10.0])) == pytest.approx(14.0)
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "control", None)
+    with pytest.raises(
+        MissingExtraError, match=r"needs an optional extra: pip install .*\[control\]"
+    ):
+        runtime.load("gallery/pid_loop").linearize(opened="pid.out").to_control()
+
+
+def test_the_command_draws_each_figure(cli: Run, tmp_path: Path) -> None:
+    for name, more in (
+        ("margins", ["--open", "pid.out", "--margins"]),
+        ("nyquist", ["--open", "pid.out", "--nyquist"]),
+        ("locus", ["--rlocus", "blocks.pid.ki=0.1..10"]),
+        ("step", ["--inputs", "setpoint.out", "--outputs", "gain.out", "--step"]),
+    ):
+        done = cli("linearize", "gallery/pid_loop", *more, "-o", f"{name}.png")
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+    found = json.loads(
+        cli("linearize", "gallery/pid_loop", "--open", "pid.out", "--margins", "--json").stdout
+    )
+    assert found["margins"]["phase"] == pytest.approx(59.17, abs=0.01)
+    assert found["opened"] == "pid.out"
+    wrong = cli("linearize", "gallery/pid_loop", "--nyquist")
+    assert wrong.returncode == 2
+    assert "name the file of the figure: -o FILE" in wrong.stderr
