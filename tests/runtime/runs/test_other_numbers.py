@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from runtime.engine.compiled.runner import _latest
@@ -77,6 +77,7 @@ def outcome(graph: Graph) -> Any:
 
 @pytest.mark.parametrize("engine", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
 @given(changes=st.lists(CHANGES, min_size=1, max_size=3))
+@example(changes=[("a.neuron", "ReLU")])  # which is computed apart from b then
 @examples(40)
 def test_other_values_are_what_a_graph_loaded_anew_says(
     engine: str, changes: list[tuple[str, Any]]
