@@ -24,10 +24,12 @@ from blocks.core.expression_arrays import ARRAYS, CREATION
 from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
     Expressions,
+    array_of,
     expression_function,
     function_from,
     function_text,
     read_expressions,
+    signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.hints import hint
@@ -137,6 +139,7 @@ __all__ = [
     "Vector",
     "WheelSpeeds",
     "arctan2",
+    "array_of",
     "as_matrix",
     "check_ascending",
     "check_flat",
@@ -173,6 +176,7 @@ __all__ = [
     "require",
     "show",
     "signal_type",
+    "signed_distance",
     "sin",
     "size_of",
     "small_eliminate",

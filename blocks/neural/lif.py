@@ -59,20 +59,21 @@ def lif_steps(
 ) -> None:
     """:func:`lif_step` of any number of populations of ``each`` neurons, with the same bits."""
     tau_rc, tau_ref = constants.item(0), constants.item(1)
-    step = np.array(dt)
+    step, tau = np.array(dt), np.array(tau_rc)
     refractory -= step
     rise = np.subtract(current, voltage, out=spikes)  # written again below
-    if each < MANY:
+    if len(voltage) < MANY:
         # The same for all of them: fewer calls, which is what counts for few neurons.
         awake = refractory - step
         np.maximum(awake, -step, out=awake)
         np.minimum(awake, ZERO, out=awake)
-        awake /= np.array(tau_rc)
+        awake /= tau
         rise *= portable.expm1(awake, out=awake)
     else:
         partly = ((refractory > 0.0) & (refractory < dt)).nonzero()[0]
         waking = rise[partly] * portable.expm1((refractory[partly] - dt) / tau_rc)
-        rise *= math.expm1(-dt / tau_rc)
+        # Many populations that are few neurons each have the bits of the case above.
+        rise *= math.expm1(-dt / tau_rc) if each >= MANY else portable.expm1(-dt / tau_rc)
         rise *= refractory <= 0.0
         rise[partly] = waking
     voltage -= rise
@@ -80,7 +81,7 @@ def lif_steps(
     since = np.subtract(ONE, voltage[spiking])
     since /= current[spiking] - ONE
     portable.log1p(since, out=since)
-    since *= np.array(tau_rc)
+    since *= tau
     since += np.array(tau_ref + dt)
     refractory[spiking] = since
     np.maximum(voltage, ZERO, out=voltage)
