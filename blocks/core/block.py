@@ -275,6 +275,19 @@ class Block:
         """What to write for an output of another type, for messages; '' if unknown."""
         return ""
 
+    def discretized(self, method: str, step: float) -> Block | None:
+        """The block in discrete time, with the same ports; None if it has no such form.
+
+        Parameters
+        ----------
+        method : "tustin", "zoh" or "matched". step : the new block's own step (s).
+
+        Raises
+        ------
+        ParameterError : there is one by other methods only, or for other parameters.
+        """
+        return None
+
     def why_not_finite(self) -> str:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""
         return ""

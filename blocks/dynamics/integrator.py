@@ -22,6 +22,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.dynamics.discrete import DiscreteIntegrator
 
 
 class Integrator(Block):
@@ -77,6 +78,10 @@ class Integrator(Block):
         state.low, state.high = self.limits
         state.limited = self.lower is not None or self.upper is not None
         state.cells, state.firsts = state.integral.reshape(-1), state.first.reshape(-1)
+
+    def discretized(self, method: str, step: float) -> Block:
+        rules = {"tustin": "trapezoidal", "zoh": "forward", "matched": "forward"}
+        return DiscreteIntegrator(**self.parameters(), method=rules[method])
 
     def couplings(self, context: BlockContext) -> list[list[int]]:
         # Each of its own state, which may be at a limit.
