@@ -45,6 +45,26 @@ A block in continuous time declares continuous states and says how fast they cha
   wrapped.
 * A block may have both: ``update`` comes first, at the tick, and may set continuous states.
 
+Events of continuous signals happen between ticks. A block declares guards, numbers that are above
+zero while a condition holds, and what happens where one changes its sign::
+
+    def crossings(self, context):
+        return ("rising",)  # of each guard: rising, falling or either
+
+    def guards(self, state, t, signal):
+        return np.array([signal - self.level])
+
+    def event(self, state, t, which, signal):
+        state.count += 1
+
+* After each step of the solver, ``guards`` is asked; where one has changed its sign in its
+  direction, that time is located, and ``event`` called with its number. It may set all states of
+  the block. Integration restarts there.
+* Outputs of a block with guards and without continuous states hold from event to event, unless it
+  ``follows``: then a guard is a corner, at which a step ends.
+* A block with continuous states has an ``update`` for ``run: {events: ticks}`` alone, then.
+* ``edges(until)`` of a source are the times at which its output jumps or bends; steps end there.
+
 A block is immutable: everything that
 changes is in the :class:`BlockState` that the engine owns.
 """
@@ -60,7 +80,7 @@ import numpy as np
 
 from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
-from blocks.core.params import ParameterError, as_matrix, plain, show
+from blocks.core.params import DeclarationError, ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import FloatArray, PortType, SignalType
@@ -91,6 +111,8 @@ class BlockContext:
         description.
     until : the length of the run (s); None if it is not known.
     moving : those inputs that the block recalls and that may change between two ticks.
+    located : whether the block's events are located between ticks (``run.events``).
+    wired : its inputs that something is wired to.
     """
 
     dt: float
@@ -101,6 +123,8 @@ class BlockContext:
     published: Mapping[str, Block] = field(default_factory=dict)
     until: float | None = None
     moving: tuple[str, ...] = ()
+    located: bool = False
+    wired: frozenset[str] = frozenset()
 
     def count(self, port: str) -> int:
         """The number of terms of a variadic input whose terms are told apart by their places.
@@ -172,6 +196,8 @@ class Block:
     """
 
     spec: ClassVar[BlockSpec] = BlockSpec()
+    # Whether outputs follow inputs between events, with a corner at each, rather than hold.
+    follows: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -180,6 +206,11 @@ class Block:
             own_sizes=cls.sizes is not Block.sizes or cls.sizes_in is not Block.sizes_in,
             own_variables=cls.variables is not Block.variables,
         )
+        if cls.spec.event is not None and cls.spec.guards is None:
+            raise DeclarationError(f"{cls.__name__}.event: there are no guards(self, state, t)")
+        if cls.spec.guards is not None and cls.crossings is Block.crossings:
+            message = "guards need crossings(self, context), the direction of each"
+            raise DeclarationError(f"{cls.__name__}.guards: {message}")
 
     def __init__(self, *unnamed: Any, **values: Any) -> None:
         problems: list[tuple[str, str]] = []
@@ -253,6 +284,14 @@ class Block:
         If such an input moves between ticks and the block has no ``dt`` of its own, a solver asks
         for the outputs at its stages, from what ``update`` wrote at the tick.
         """
+        return ()
+
+    def crossings(self, context: BlockContext) -> Sequence[str]:
+        """In which direction each of the guards is met: rising, falling or either."""
+        return ()
+
+    def edges(self, until: float) -> Sequence[float] | FloatArray:
+        """The times (s) in a run at which the outputs jump or bend, as a source knows them."""
         return ()
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
@@ -343,6 +382,11 @@ class Block:
         that of a linear system with D = 0.
         """
         return ()
+
+    @property
+    def state_names(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the components of continuous states that have some, by state."""
+        return {}
 
     def couplings(self, context: BlockContext) -> Sequence[Collection[int]] | None:
         """For each of its continuous states, in order and each component counted, of which of them
