@@ -24,6 +24,7 @@ from blocks.core.expression_arrays import ARRAYS, CREATION
 from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
     Expressions,
+    array_of,
     expression_function,
     function_from,
     function_text,
@@ -138,6 +139,7 @@ __all__ = [
     "Vector",
     "WheelSpeeds",
     "arctan2",
+    "array_of",
     "as_matrix",
     "check_ascending",
     "check_flat",

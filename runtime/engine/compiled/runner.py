@@ -52,7 +52,7 @@ class Template:
     compiled: tuple[str, ...]
 
 
-# The last template of each program; it may not fit the next seed.
+# The last template of each plan, by its first program; it may not fit the next seed or numbers.
 _latest: WeakKeyDictionary[Program, dict[bool, Template]] = WeakKeyDictionary()
 
 
@@ -70,7 +70,7 @@ def template(
     note : called with a message for the user when something is compiled.
     checked : with a check of every index that may be outside of its array.
     """
-    known = _latest.setdefault(program, {}).get(checked)
+    known = _latest.setdefault(program.origin, {}).get(checked)
     entries = program.network.entries
     if known is not None and all(
         kernel.fits(entries[name].block, states[name])
@@ -87,7 +87,7 @@ def template(
         for name in sorted(kernels.broken):
             note(f"block '{name}' is called from Python: {kernels.refused[name]}")
         made = _built(program, kernels, builder, note)
-    _latest[program][checked] = made
+    _latest[program.origin][checked] = made
     return made
 
 
