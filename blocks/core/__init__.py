@@ -1,15 +1,8 @@
 """What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
 from blocks.core import polynomials, portable
-from blocks.core.block import (
-    Block,
-    BlockContext,
-    BlockState,
-    Evaluation,
-    Input,
-    Output,
-    State,
-)
+from blocks.core.block import Block, Evaluation, Input, Output, State
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec
 from blocks.core.elementwise import (
     Elementwise,
