@@ -11,6 +11,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
+from blocks.core.differences import Unsettled, jacobian
 from blocks.core.elementwise import (
     Elementwise,
     check_ascending,
@@ -85,6 +86,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.state_shapes import started, state_lengths, state_shape
 from blocks.core.variants import Variant
 
 __all__ = [
@@ -133,6 +135,7 @@ __all__ = [
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Unsettled",
     "Variant",
     "Vector",
     "WheelSpeeds",
@@ -154,6 +157,7 @@ __all__ = [
     "has_kernels",
     "hint",
     "items",
+    "jacobian",
     "kernel_for",
     "kernel_of",
     "kron",
@@ -178,6 +182,9 @@ __all__ = [
     "small_product",
     "solve",
     "spread_to",
+    "started",
+    "state_lengths",
+    "state_shape",
     "times",
     "transposed",
     "value_type",

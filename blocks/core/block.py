@@ -51,7 +51,7 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -91,6 +91,8 @@ class BlockContext:
         description.
     until : the length of the run (s); None if it is not known.
     moving : those inputs that the block recalls and that may change between two ticks.
+    sampled : whether the graph gives the block a step of its own.
+    neighbour : another block of the same part by name, with its context; None if there is none.
     """
 
     dt: float
@@ -101,6 +103,10 @@ class BlockContext:
     published: Mapping[str, Block] = field(default_factory=dict)
     until: float | None = None
     moving: tuple[str, ...] = ()
+    sampled: bool = False
+    neighbour: Callable[[str], tuple[Block, BlockContext] | None] = field(
+        default=lambda name: None, compare=False, repr=False
+    )
 
     def count(self, port: str) -> int:
         """The number of terms of a variadic input whose terms are told apart by their places.

@@ -264,7 +264,17 @@ class Network:
             },
             until=self.until,
             moving=self._moving_inputs(entry),
+            sampled=entry.sampled,
+            neighbour=lambda other: self._neighbour(entry, other),
         )
+
+    def _neighbour(self, entry: NetworkEntry, name: str) -> tuple[Block, BlockContext] | None:
+        """A block of the same part, or of the whole graph."""
+        for each in (entry.scope.prefix + name, name):
+            other = self.entries.get(each)
+            if other is not None and other.block_or_none is not None and self.is_typed(each):
+                return other.block, self.context(each)
+        return None
 
     def _moving_inputs(self, entry: NetworkEntry) -> tuple[str, ...]:
         """The inputs that a block recalls and that move between ticks."""

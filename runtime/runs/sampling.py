@@ -17,12 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, jacobian
 from runtime.engine import Point
 from runtime.errors import UsageError
 from runtime.network import Network, enables_of
 from runtime.plan import Port
-from runtime.runs.differences import jacobian
 
 MOST_TICKS = 20_000  # of sampled blocks in one period
 MOST_NUMBERS = 2_000  # states and held signals

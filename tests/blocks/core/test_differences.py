@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from runtime.runs.differences import jacobian
+from blocks.core import jacobian
 
 
 def slope(function: Callable[[float], float], x: float) -> tuple[float, bool]:
