@@ -1,6 +1,6 @@
 """What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
-from blocks.core import portable
+from blocks.core import polynomials, portable
 from blocks.core.block import (
     Block,
     BlockContext,
@@ -170,6 +170,7 @@ __all__ = [
     "piece",
     "pip_line",
     "plain",
+    "polynomials",
     "portable",
     "product",
     "read_expressions",

@@ -71,8 +71,8 @@ class Equations(Block, ABC):
         ``variables`` are names that expressions have beside u, with what they are.
         """
         known = {"u": "the inputs", **variables}
-        own = {"let": self.let.texts if self.let else ()}
-        groups = {"states": states, "names": self.names, "constants": self.constants, **own}
+        own = {"names": self.names, "constants": self.constants, "let": self.let}
+        groups = {"states": states, **own}
         taken: list[str] = []
         problems = []
         for parameter, names in groups.items():

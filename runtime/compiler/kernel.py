@@ -36,7 +36,9 @@ PROJECT = Evaluation("project", ())
 # A text of at most this many characters, apart from what all units share, can be part of the plan's
 # unit, where its calls are inlined: it is compiled again with every edit of the graph.
 SMALL = 5000
-FUNCTION = re.compile(r"^(?:static )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE)
+FUNCTION = re.compile(
+    r"^(?:static |LANE )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE
+)
 STRUCT = re.compile(r"^struct (\w+) \{$", re.MULTILINE)
 PROTOTYPE = re.compile(r"^void \w+\(.*\);\n\n", re.MULTILINE)
 METHOD = re.compile(r"^void (?=\w+\()", re.MULTILINE)

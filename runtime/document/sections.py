@@ -21,6 +21,7 @@ SECTIONS = {
     "graph": "the title",
     "run": "dt, until, seed, engine and memory",
     "params": "values for $names",
+    "defaults": "values that blocks take where they give none, by key or by type",
     "world": "walls and obstacles",
     "blocks": "the boxes",
     "wires": "consumer: {input: producer.output}",
@@ -33,11 +34,12 @@ SECTIONS = {
     "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
-    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
+    *("graph", "run", "params", "defaults", "blocks", "wires", "without", "bypass"),
     *("from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = (
     *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
+    "defaults",
 )
 # Sections whose entries may name files, beside ``blocks``: those with a kind of a user's own.
 FILE_SECTIONS = ("plots", "metrics")
@@ -46,6 +48,7 @@ FILE_KEYS = ("module", "file")
 EXAMPLES = {
     "run": "dt: 0.001",
     "params": "v_r: 1.0",
+    "defaults": "dt: 0.01",
     "world": "circles: [[0.3, -1.5, 0.5]]",
     "blocks": "total: {type: Sum}",
     "wires": "lqr: {error: error.state}",

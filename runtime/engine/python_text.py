@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from blocks.core import SignalType
 from runtime.engine.naming import Names
 from runtime.engine.solvers import method_of
 from runtime.plan import (
+    ALWAYS,
     Argument,
     Call,
     Gate,
@@ -66,7 +68,7 @@ class PythonText:
         self.leave = ""
         self.text: list[str] = []
         self.lines: dict[int, str] = {}
-        self.rate = 0
+        self.rate = ALWAYS
         self.depth = 2
         self.between_ticks = False
         self.printers: dict[type[Any], Callable[[Any], None]] = {
@@ -108,7 +110,7 @@ class PythonText:
             if i - first < PIECE and i < last and not isinstance(each, (Stop, Integrate)):
                 continue
             begin = len(self.text)
-            self.rate = 0
+            self.rate = ALWAYS
             self.operations(operations[first : i + 1])
             yield "\n" * begin + "\n".join(self.text[begin:]) + "\n"
             first = i + 1
@@ -119,7 +121,7 @@ class PythonText:
             self.lines[len(self.text)] = block
 
     def code(self, text: str, block: str = "") -> None:
-        self.line(self.depth + (self.rate > 1), text, block)
+        self.line(self.depth + (self.rate.every > 1), text, block)
 
     # Gates
 
@@ -129,7 +131,7 @@ class PythonText:
         for each in operations:
             if each.gate.once:
                 continue
-            self.at(each.gate.every)
+            self.at(each.gate.rate)
             # A call with its tests is under one condition, and each call has its own.
             if not self.continues(before, each) and each.gate.switches:
                 self.code(self.condition(before, each.gate))
@@ -138,11 +140,11 @@ class PythonText:
             self.depth -= bool(each.gate.switches)
             before = each
 
-    def at(self, every: int) -> None:
-        """Set the rate: the code that follows runs on every ``every``-th tick."""
-        if every != self.rate and every > 1:
-            self.line(self.depth, f"if k % {every} == 0:")
-        self.rate = every
+    def at(self, rate: Gate) -> None:
+        """Set the rate: the code that follows runs on the ticks on which it is due."""
+        if rate != self.rate and rate.every > 1:
+            self.line(self.depth, f"if {rate.due('k').format('or')}:")
+        self.rate = rate
 
     def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
@@ -154,7 +156,7 @@ class PythonText:
 
     def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
-        if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
+        if gate.is_off and before is not None and before.gate == replace(gate, is_off=False):
             return "else:"
         on = " and ".join(map(self.names.of, gate.switches))
         on = f"({on})" if gate.is_off and len(gate.switches) > 1 else on

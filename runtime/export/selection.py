@@ -43,7 +43,7 @@ class Selection:
 
     def every(self, port: Port) -> int:
         """How many base ticks an output holds."""
-        return self.network.entries[port[0]].every
+        return self.network.entries[port[0]].grid
 
 
 def named_blocks(network: Network, names: Sequence[str], others: Sequence[str]) -> frozenset[str]:

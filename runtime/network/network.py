@@ -10,6 +10,7 @@ and reports read::
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -46,7 +47,8 @@ def place_of(node: Node, parameter: str) -> Where:
 class NetworkEntry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
-    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step.
+    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step, and
+    ``offset`` is the tick of its first one.
     """
 
     name: str
@@ -56,6 +58,12 @@ class NetworkEntry:
     block_or_none: Block | None
     every: int = 1
     sampled: bool = False
+    offset: int = 0
+
+    @property
+    def grid(self) -> int:
+        """The largest number of base ticks of which all ticks of the block are multiples."""
+        return math.gcd(self.every, self.offset)
 
     @property
     def short(self) -> str:

@@ -43,7 +43,8 @@ class Signal:
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
     ``name`` is what figures call it, '' for its address, and ``column_names`` what they call each
     column. ``publisher`` is the method of the block that describes the neurons behind a signal, if
-    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks.
+    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks,
+    ``is_offset`` whether the first tick of its block is later than 0.
     """
 
     address: str
@@ -60,6 +61,7 @@ class Signal:
     column_names: tuple[str, ...] = ()
     publisher: str = ""
     held: bool = False
+    is_offset: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,6 +145,8 @@ class Probe:
         for signal in self.signals:
             # A row is the signal at its tick: an event between two rows would be lost, and one that
             # is held would be counted twice.
+            if signal.is_event and signal.is_offset:
+                return f"'{signal.end}' is new between rows, which begin at 0; leave offset out"
             if signal.is_event and signal.every != self.input_every:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
                 message = (
@@ -267,8 +271,9 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
         labels = (label,) if not shape else tuple(f"{label}[{i}]" for i in range(count))
         units = (unit,) * count
         return Signal(
-            *(label, end, shape, labels, units, kind, entry.every, True, state.event),
+            *(label, end, shape, labels, units, kind, entry.grid, True, state.event),
             held=not state.continuous,
+            is_offset=entry.offset > 0,
         )
     whole = network.types[end.block, end.port]
     kind_at = component_type(whole, end)
@@ -282,7 +287,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     # Figures draw steps for what is held between ticks, and straight lines for what moves.
     held = (end.block, end.port) not in network.moving
     return Signal(
-        *(label, end, shape, labels, units, name, entry.every),
+        *(label, end, shape, labels, units, name, entry.grid),
         constant=constant,
         name=name_shown,
         held=held,
@@ -296,7 +301,7 @@ def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
     if not published or end.component:
         return None
     (port, method), lengths = published[0], network.context(end.block).lengths
-    every, end = network.entries[end.block].every, Endpoint(end.block, port)
+    every, end = network.entries[end.block].grid, Endpoint(end.block, port)
     # Dimensions that nothing decides are a problem by themselves, and the graph does not run.
     shape, address = table_shape({"d": 1, **lengths}), f"{label}.tuning"
     return Signal(

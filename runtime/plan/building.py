@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from blocks.core import Evaluation
 from blocks.registry import is_built_in
@@ -113,7 +114,8 @@ class _Builder:
                 varies = bool(evaluation.needs) or timed
                 switches = self.switches.get(name, ()) if varies and not constant else ()
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
-                gate = Gate(entry.every, switches, once=constant)
+                late = entry.offset > 0
+                gate = Gate(entry.every, switches, False, constant, entry.offset, starts=late)
                 calls.append(self.call(name, evaluation, outputs, gate))
         return ordered(calls, self.wires, self.network.loops == "solve")
 
@@ -152,7 +154,7 @@ class _Builder:
         yield Test(call.block, call.method, outputs, gate)
         resetting = tuple(s for s in gate.switches if resets(self.network, s.block))
         if resetting:
-            yield Zero(call.block, outputs, Gate(gate.every, resetting, is_off=True))
+            yield Zero(call.block, outputs, replace(gate.rate, switches=resetting, is_off=True))
 
     def updates(self) -> Iterator[Operation]:
         """The updates of states by rate, then by name; no event happens in a part that is off."""
@@ -160,11 +162,11 @@ class _Builder:
             spec = entry.cls.spec
             if spec.update is None:
                 continue
-            gate = Gate(entry.every, self.switches.get(name, ()))
+            gate = Gate(entry.every, self.switches.get(name, ()), offset=entry.offset)
             yield self.call(name, spec.update, self.states[name], gate)
             events = tuple(s for s in self.states[name] if spec.states[s.name].event)
             if gate.switches and events:
-                yield Zero(name, events, Gate(gate.every, gate.switches, is_off=True))
+                yield Zero(name, events, replace(gate, is_off=True))
 
     def restores(self) -> Iterator[Restore]:
         """The parts that are reset while they are off."""
@@ -173,8 +175,9 @@ class _Builder:
             inside = [name for name, above in self.switches.items() if switch in above]
             states = tuple(state for name in inside for state in self.states[name])
             if resets(self.network, switch.block) and states:
-                every = self.network.entries[switch.block].every
-                yield Restore(switch.block, states, Gate(every, (switch,), is_off=True))
+                entry = self.network.entries[switch.block]
+                gate = Gate(entry.every, (switch,), is_off=True, offset=entry.offset)
+                yield Restore(switch.block, states, gate)
 
     def integration(self, evaluations: list[Evaluated], stop: Stop | None) -> Integrate:
         """The continuous states from this tick to the next one."""

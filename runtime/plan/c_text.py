@@ -105,11 +105,11 @@ class CText(ABC):
             return
         if self.gate.switches:
             self.close()
-        if gate.every != self.gate.every:
+        if gate.rate != self.gate.rate:
             if self.gate.every > 1:
                 self.close()
             if gate.every > 1:
-                self.open(f"{self.tick} % {gate.every} == 0")
+                self.open(gate.due(self.tick).format("||"))
         if gate.switches:
             on = " && ".join(f"{self.signal(switch)} != 0.0" for switch in gate.switches)
             self.open(f"!({on})" if gate.is_off else on)

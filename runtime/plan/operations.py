@@ -26,7 +26,9 @@ from runtime.plan.values import Argument, Row, Signal, Slot, Source, StateArray,
 class Gate:
     """When an operation is done.
 
-    every : on each tick that is a multiple of this.
+    every : on each tick that is a multiple of this, plus ``offset``.
+    starts : on tick 0 as well: an output holds what it is at the start until its block's first
+        tick.
     switches : outputs that must all be on: those of the parts around a block, the outer ones first.
     is_off : the other way round: while one of the switches is off.
     once : before the first tick, and not again.
@@ -36,10 +38,23 @@ class Gate:
     switches: tuple[Signal, ...] = ()
     is_off: bool = False
     once: bool = False
+    offset: int = 0
+    starts: bool = False
+
+    @property
+    def rate(self) -> Gate:
+        """The same without the switches."""
+        return Gate(self.every, offset=self.offset, starts=self.starts)
+
+    def due(self, tick: str) -> str:
+        """The condition on a tick in Python and in C, for a rate below that of the base ticks."""
+        text = f"{tick} % {self.every} == {self.offset}"
+        return f"{text} {{}} {tick} == 0" if self.starts else text
 
     def __str__(self) -> str:
         names = " and ".join(map(str, self.switches))
         parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
+        parts += [f"from {self.offset}"] if self.offset else []
         parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
         return f"  [{', '.join(parts)}]" if parts else ""
 

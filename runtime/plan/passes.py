@@ -13,7 +13,6 @@ from operator import or_
 from runtime.plan.coupling import Columns
 from runtime.plan.operations import (
     Call,
-    Gate,
     Integrate,
     Load,
     Operation,
@@ -58,7 +57,7 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
         store     b.out
     """
     loads: list[Signal] = []
-    every = operations[0].gate.every
+    rate = operations[0].gate.rate
     done: list[Operation] = []
     for each in operations:
         if isinstance(each, Integrate):
@@ -72,7 +71,7 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
             before = call.outputs if call.gate.switches else ()
             loads += [*call.reads, *call.gate.switches, *before]
     first = operations[0]
-    taken = Load(first.block, tuple(dict.fromkeys(loads)), Gate(every))
+    taken = Load(first.block, tuple(dict.fromkeys(loads)), rate)
     return [taken, *(done if isinstance(first, Integrate) else _stored(done))]
 
 
@@ -83,7 +82,7 @@ def _stored(operations: Sequence[Operation]) -> tuple[Operation, ...]:
     for each in operations:
         if isinstance(each, (Call, Solve)):
             done += waiting
-            waiting = [Store(each.block, each.outputs, Gate(each.gate.every))]
+            waiting = [Store(each.block, each.outputs, each.gate.rate)]
         done.append(each)
     return (*done, *waiting)
 

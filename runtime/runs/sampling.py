@@ -72,6 +72,11 @@ def structure_of(network: Network, driven: Collection[Port], watched: Collection
     drives = {block for block, _ in driven}
     held = {n for n in before - reached - drives if _varies(network, n)} | (switches & before)
     steps = frozenset(entries[name].every for name in sampled)
+    late = [name for name in sorted(sampled) if entries[name].offset]
+    if late:
+        raise UsageError(
+            f"{', '.join(late)}: a linearization takes sampled blocks to tick at 0; set offset to 0"
+        )
     period = math.lcm(*steps) if steps else 0
     if period and _count(steps, period) > MOST_TICKS:
         text = ", ".join(f"{network.dt * each:g}" for each in sorted(steps))
