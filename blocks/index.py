@@ -100,6 +100,7 @@ TYPES = {
     "Backlash": "nonlinear.with_memory",
     "Clip": "nonlinear.static",
     "DeadZone": "nonlinear.static",
+    "HitCrossing": "nonlinear.hits",
     "LookupTable": "nonlinear.lookup",
     "LookupTable2D": "nonlinear.lookup",
     "Quantizer": "nonlinear.static",

@@ -29,6 +29,7 @@ from blocks.core.expressions import (
     function_from,
     function_text,
     read_expressions,
+    signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.hints import hint
@@ -177,6 +178,7 @@ __all__ = [
     "require",
     "show",
     "signal_type",
+    "signed_distance",
     "sin",
     "size_of",
     "small_eliminate",

@@ -16,6 +16,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from blocks.core.hints import hint
+from blocks.core.names import Names
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
@@ -303,6 +304,8 @@ def plain(value: Any) -> Any:
         return dict(value)
     if isinstance(value, Setting):
         return value.written()
+    if isinstance(value, SignalType) and value.rows:
+        return dict(value.rows)
     if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
         return value.name if value.symbol else str(value)
     return value
@@ -374,6 +377,11 @@ def _str(value: Any) -> str:
 
 
 def _signal(value: Any) -> SignalType:
+    if isinstance(value, Mapping):  # names of components with their units
+        rows = Names.read(value).rows
+        return replace(
+            signal_type("Scalar" if len(rows) == 1 else f"Vector({len(rows)})"), rows=rows
+        )
     return value if isinstance(value, SignalType) else signal_type(_str(value))
 
 

@@ -195,16 +195,17 @@ class Solved(Block, ABC):
     def _solve(self, state: BlockState, tuning: Tuning) -> None:
         """Solve the weights of each group, and note the error on the points."""
         n, errors = tuning.neurons, []
-        # One set of points for all groups: groups differ by their neurons, not by luck.
-        points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
-        try:
-            targets = self._targets(points)
-        except PointError as error:
-            raise ParameterError([("function", str(error))], type(self).__name__) from None
-        if not targets.any():
-            state.error = 0.0  # nothing to solve: the weights are zero
-            return
         for group in range(tuning.groups):
+            # Each group has points of its own, as each ensemble of Nengo's has: with shared ones
+            # the errors of the groups would be alike.
+            points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
+            try:
+                targets = self._targets(points)
+            except PointError as error:
+                raise ParameterError([("function", str(error))], type(self).__name__) from None
+            if not targets.any():
+                errors.append(0.0)  # nothing to solve: the weights are zero
+                continue
             rates = tuning.rates(points, group)
             try:
                 decoders = self.solver.solve(rates, targets, state.rng)

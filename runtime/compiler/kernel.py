@@ -97,10 +97,13 @@ class Kernel:
         return self.inputs.fit(block, state)
 
 
-def calls_of(spec: BlockSpec, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-    """The methods of a block that are called in a tick."""
+def calls_of(
+    spec: BlockSpec, evaluations: Sequence[Evaluation], guards: int = 0
+) -> list[Evaluation]:
+    """The methods of a block that are called in a tick; ``guards`` of it are located."""
     calls = [each for each in evaluations if not spec.is_constant(each)]
     calls += [each for each in (spec.update, spec.derivative) if each is not None]
+    calls += [each for each in (spec.guards, spec.event) if each is not None and guards]
     return calls + ([PROJECT] if spec.projects else [])
 
 
@@ -116,9 +119,10 @@ def refusals(made: Block, state: BlockState, context: BlockContext) -> list[str]
     found: dict[str, str] = {}
     terms = {port: sum(flags) for port, flags in context.terms.items()}
     rates = [getattr(state, name).shape for name in spec.continuous]
-    for call in calls_of(spec, made.evaluations):
+    guards = len(made.crossings(context))
+    for call in calls_of(spec, made.evaluations, guards):
         try:
-            make_kernel(made, state, terms, context.types, [call], rates=rates)
+            make_kernel(made, state, terms, context.types, [call], rates=rates, guards=guards)
         except NotCompilableError as error:
             found.setdefault(str(error), call.method)
     return [f"{method} is not compiled: {reason}" for reason, method in found.items()]
@@ -133,6 +137,7 @@ def make_kernel(
     checked: bool = False,
     rates: Shapes = (),
     records: Records | None = None,
+    guards: int = 0,
 ) -> Kernel:
     """Write one block as C; the same source with the same types is kept on disk.
 
@@ -144,6 +149,7 @@ def make_kernel(
     calls : the methods that are called.
     rates : the shapes of its continuous states, whose rates of change ``derivative`` returns.
     records : of the cache; those of a whole graph are read once for all its blocks.
+    guards : how many it has.
 
     Raises
     ------
@@ -154,7 +160,8 @@ def make_kernel(
     found = translation(made, state, terms, records)
     checked = checked or not is_built_in(cls) or found.fields.has_functions_of_others
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
-    entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
+    returns = {"derivative": rates, "guards": [(guards,)]}
+    entries = [_entry(found.methods, call, kinds, terms, returns) for call in calls]
     key = digest(salt(), found.key, repr(entries), title, repr(checked))
     record = records.read(f"block_{key}.json")
     is_new = record is None
@@ -197,9 +204,10 @@ def _entry(
     call: Evaluation,
     kinds: Mapping[str, SignalType],
     terms: dict[str, int],
-    rates: Shapes,
+    returns: Mapping[str, Shapes],
 ) -> Entry:
     arguments: list[tuple[str, Type]] = [] if call == PROJECT else [("t", FLOAT)]
+    arguments += [("which", FLOAT)] if call.method == "event" else []
     for port in call.needs:
         kind = signal_type(kinds[port])
         if port in terms:
@@ -207,8 +215,9 @@ def _entry(
         else:
             arguments.append((port, kind))
     results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
-    if call.method == "derivative":
-        results = [Array("float", written(shape)) if shape else FLOAT for shape in rates]
+    if call.method in returns:
+        shapes = returns[call.method]
+        results = [Array("float", written(shape)) if shape else FLOAT for shape in shapes]
     return Entry(call.method, methods[call.method], arguments, results)
 
 

@@ -367,7 +367,8 @@ def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translat
     translator = Translator(made, state, terms)
     spec = type(made).spec
     wanted = [evaluation.method for evaluation in spec.evaluations]
-    wanted += [each.method for each in (spec.update, spec.derivative) if each is not None]
+    others = (spec.update, spec.derivative, spec.guards, spec.event)
+    wanted += [each.method for each in others if each is not None]
     wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
     text = "\n\n".join([HEADER, *translator.texts.values()]) + "\n"

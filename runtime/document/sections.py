@@ -21,6 +21,7 @@ SECTIONS = {
     "graph": "the title",
     "run": "dt, until, seed, engine and memory",
     "params": "values for $names",
+    "types": "signal types: names and units of components",
     "defaults": "values that blocks take where they give none, by key or by type",
     "world": "walls and obstacles",
     "blocks": "the boxes",
@@ -34,7 +35,7 @@ SECTIONS = {
     "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
-    *("graph", "run", "params", "defaults", "blocks", "wires", "without", "bypass"),
+    *("graph", "run", "params", "types", "defaults", "blocks", "wires", "without", "bypass"),
     *("from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = (
@@ -48,6 +49,7 @@ FILE_KEYS = ("module", "file")
 EXAMPLES = {
     "run": "dt: 0.001",
     "params": "v_r: 1.0",
+    "types": "Body: {x: m, v: m/s}",
     "defaults": "dt: 0.01",
     "world": "circles: [[0.3, -1.5, 0.5]]",
     "blocks": "total: {type: Sum}",
@@ -71,6 +73,7 @@ RUN_KEYS = (
     "rtol",
     "atol",
     "max_step",
+    "events",
     "loops",
     "stop",
 )

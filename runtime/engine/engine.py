@@ -16,6 +16,7 @@ import numpy as np
 from blocks.core import FloatArray, ParameterError
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
+from runtime.engine.events import FOUND, TICK, TIME
 from runtime.engine.interrupts import stoppable
 from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
@@ -36,15 +37,11 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.solvers import (
-    FOUND,
-    TICK,
-    TIME,
     blend,
     controls,
     joined,
     judged,
     method_of,
-    narrowed,
     refused,
     substep,
 )
@@ -54,6 +51,7 @@ from runtime.engine.values import (
     OutputChecks,
     Zeros,
     bad_slope,
+    event_names,
     floats,
     sealed,
     unreached,
@@ -277,7 +275,7 @@ class Engine:
         self.namespace |= self._continuous_names()
         self.namespace |= loop_names(self.plan, self.state.arrays)
         if self.program.observation.stop is not None:
-            self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
+            self.namespace["stop"] = self.state.stop
         names = self.program.names
         for name, entry in self.network.entries.items():
             self.namespace[names.blocks[name]] = entry.block
@@ -365,9 +363,9 @@ class Engine:
             move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
             **jacobian,
+            **event_names(part, self.state.arrays, self.recorder.log),
             "states": self.state.continuous,
             "start": np.zeros(size),
-            "origin": np.zeros(size),
             "slopes": slopes,
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,

@@ -323,7 +323,8 @@ def labels(address: str, kind: SignalType) -> list[str]:
     """The addresses of the numbers of a signal."""
     if kind.form == "scalar":
         return [address]
-    parts = kind.components if kind.form == "record" else range(math.prod(kind.shape))
+    table = len(kind.shape) > 1
+    parts = map(str, range(math.prod(kind.shape))) if table else kind.names
     return [f"{address}.{part}" for part in parts]
 
 

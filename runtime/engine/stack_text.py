@@ -20,7 +20,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from blocks.core import Scalar, SignalType
-from runtime.engine.python_text import INDENT, PythonText, absent, finite_test
+from runtime.engine.python_text import INDENT, PythonText
+from runtime.engine.python_values import absent, finite_test
 from runtime.plan import ALWAYS, Argument, Gate, Port, Signal, Source, Stack, Step
 
 

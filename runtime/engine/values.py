@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
 
 from blocks.core import FloatArray, SignalType, state_shape
+from runtime.engine.events import MAX_EVENTS, decided, noted, opened, proposed
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network
@@ -159,6 +162,37 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
         f"at t = {t:g} {part.time_unit}; the "
         f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
         slot.block,
+    )
+
+
+def event_names(
+    part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]], log: FloatArray
+) -> dict[str, Any]:
+    """What the text of a graph refers to whose steps end at events or edges."""
+    if not part.ends_steps:
+        return {}
+    fired = np.zeros(len(part.directions))
+    return {
+        **{key: arrays[f"run/{key}"] for key in ("search", "sides", "guards", "count")},
+        "directions": np.where(part.directions > 1.0, 0.0, part.directions),
+        "fired": fired,
+        "edges": part.edges,
+        "log": log,
+        **{each.__name__: each for each in (opened, proposed, decided, noted)},
+        "restless": partial(restless, part, fired),
+    }
+
+
+def restless(part: Integrate, fired: FloatArray, t: float) -> NoReturn:
+    """Raise the error of events without end in one tick; called by the plan."""
+    first = int(np.flatnonzero(fired)[0])
+    block = next(each.block for each in part.crossings if each.stop > first)
+    raise NotFiniteError(
+        f"more than {MAX_EVENTS} events since the tick, the last at t = {t:g} {part.time_unit}: "
+        "they follow each other ever faster. A switch that undoes itself needs a hysteresis (of a "
+        "Relay, switch_on above switch_off), an event should leave its condition; with "
+        "run: {events: ticks}, each acts at most once a tick",
+        block,
     )
 
 

@@ -197,7 +197,7 @@ def _forms(param: Param) -> Iterable[Schema]:
     simple: dict[str, list[Schema]] = {
         "bool": [{"type": "boolean"}],
         "str": [{"type": "string"}],
-        "signal": [{"type": "string"}],
+        "signal": [{"type": "string"}, {"type": "object"}],
         "float": [number, *degrees],
         "int": [number],
     }

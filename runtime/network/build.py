@@ -43,6 +43,7 @@ from runtime.network.sampling import sampling
 from runtime.network.scope import Scope
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
+from runtime.network.written_types import written_types
 
 BLOCK_KEYS = ("type", "module", "dt", "offset")
 SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")
@@ -88,7 +89,8 @@ def build(
     network = Network(title, **vars(run), scope=scope, document=document, world=world)
     # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
-    network = _with_blocks(network, classes or {}, kinds or {}, problems, modules, block_cache)
+    kinds = {**(kinds or {}), **written_types(document, problems)}
+    network = _with_blocks(network, classes or {}, kinds, problems, modules, block_cache)
     wiring = Wiring(network, problems)
     network = replace(
         network,

@@ -159,6 +159,7 @@ class Network:
     document: Node
     states: str = "small"
     time_unit: str = SECOND
+    events: str = "located"
     loops: str = "error"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
@@ -209,7 +210,7 @@ class Network:
             if entry.block_or_none is None:
                 continue
             recalled = () if entry.sampled else entry.block.recalls
-            if not (spec.continuous or entry.is_memoryless or recalled):
+            if self.holds(name) or not (spec.continuous or entry.is_memoryless or recalled):
                 continue
             for call in entry.evaluations:
                 # An output moves with an input that its method needs; what it does not read cannot
@@ -272,6 +273,8 @@ class Network:
             },
             until=self.until,
             moving=self._moving_inputs(entry),
+            located=self.is_located(name),
+            wired=frozenset(wire.port for wire in self._into.get(name, ())),
             sampled=entry.sampled,
             neighbour=lambda other: self._neighbour(entry, other),
         )
@@ -283,6 +286,16 @@ class Network:
             if other is not None and other.block_or_none is not None and self.is_typed(each):
                 return other.block, self.context(each)
         return None
+
+    def holds(self, name: str) -> bool:
+        """Whether the outputs of a block change at ticks and at its located events alone."""
+        cls = self.entries[name].cls
+        is_switch = cls.spec.guards is not None and not (cls.spec.continuous or cls.follows)
+        return is_switch and self.is_located(name)
+
+    def is_located(self, name: str) -> bool:
+        """Whether the events of a block are between ticks, where its signals change there."""
+        return self.events == "located" and not self.entries[name].sampled
 
     def _moving_inputs(self, entry: NetworkEntry) -> tuple[str, ...]:
         """The inputs that a block recalls and that move between ticks."""

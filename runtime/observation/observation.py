@@ -21,7 +21,7 @@ class StopTest:
     """The signal that ends a run early: see :class:`runtime.document.Stop`."""
 
     signal: Signal
-    kind: str
+    direction: float
     level: float
 
 

@@ -315,12 +315,16 @@ def _columns(
     whole: SignalType, end: Endpoint, label: str, unit: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     part = columns(whole, end.component) if is_range(end.component) else None
+    own_units = tuple(own for _, own in whole.rows)
     if isinstance(part, slice):
         base = label.split("[")[0]
         units = whole.units or (unit,)
         each = units if whole.form == "record" else (unit or units[0],) * whole.shape[0]
-        names = whole.components or tuple(map(str, range(whole.shape[0])))
-        return tuple(f"{base}.{name}" for name in names[part]), each[part]
+        return tuple(f"{base}.{name}" for name in whole.names[part]), (own_units or each)[part]
+    if whole.rows:
+        if end.component or whole.form == "scalar":
+            return (label,), (own_units[whole.column(end.component) or 0],)
+        return tuple(f"{label}.{name}" for name in whole.names), own_units
     if whole.form == "record":
         if end.component:
             return (label,), (whole.units[whole.column(end.component) or 0],)

@@ -70,6 +70,7 @@ from runtime.observation.probes import Probe as Probe
 from runtime.terminal import readable_bytes
 
 MAX_COLUMNS = 1_000_000
+SIGNS = {"rising": 1.0, "falling": -1.0, "either": 0.0}
 _SOURCE = "a probe's name or an address"
 
 
@@ -150,7 +151,7 @@ class _Reader:
         if message:
             self.problems.add(stop.node.where, "run.stop.when", message)
             return None
-        return StopTest(signal, stop.kind, stop.level)
+        return StopTest(signal, SIGNS[stop.direction], stop.level)
 
     def with_band(self, plot: PlotSpec) -> PlotSpec:
         """A time series with the band of the settling times of what it shows."""

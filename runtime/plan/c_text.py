@@ -128,7 +128,7 @@ class CText(ABC):
     def call(self, call: Call) -> None:
         """Call a method."""
         function, given = self.function(call)
-        given += ["t"] if call.takes_time else []
+        given += ["t"] * call.takes_time + ["(double)which"] * call.takes_which
         given += [text for argument in call.arguments for text in self.argument(argument)]
         for signal in call.outputs:
             given += [self.address(Source(signal)), *self.sizes(signal.kind)]

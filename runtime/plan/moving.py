@@ -12,8 +12,8 @@ from collections.abc import Container, Iterable, Sequence
 
 from blocks.core import state_shape
 from runtime.network import Network
-from runtime.plan.operations import Call, Operation, Solve
-from runtime.plan.values import Port, Row, Slot, StateArray
+from runtime.plan.operations import Call, Operation, Solve, Stop
+from runtime.plan.values import Port, Row, Signal, Slot, StateArray
 
 Evaluated = tuple[Call | Solve, tuple[Operation, ...]]  # a call, or a loop, and its tests
 
@@ -39,7 +39,8 @@ def continuous_row(network: Network) -> Row:
         for state in states:
             if state.name in continuous:
                 start = slots[-1].stop if slots else 0
-                slots.append(Slot(name, state.name, state.shape, start))
+                names = entry.block.state_names.get(state.name, ())
+                slots.append(Slot(name, state.name, state.shape, start, names))
     return Row(tuple(slots))
 
 
@@ -58,5 +59,16 @@ def again(
     for call, rest in reversed(evaluations):
         if any(signal.key in ports and signal.key in moving for signal in call.outputs):
             found.append((call, rest))
-            ports.update(signal.key for signal in call.reads)
+            ports.update(read_by([call]))
     return tuple(each for call, rest in reversed(found) for each in (call, *rest))
+
+
+def read_by(operations: Iterable[Operation]) -> list[Port]:
+    """The signals that calls, and the conditions of a stop, read."""
+    found: list[Signal] = []
+    for each in operations:
+        if isinstance(each, (Call, Solve)):
+            found += [*each.reads, *each.gate.switches]
+        elif isinstance(each, Stop) and isinstance(each.source.whole, Signal):
+            found.append(each.source.whole)
+    return [signal.key for signal in found]

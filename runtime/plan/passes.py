@@ -41,8 +41,7 @@ def signals_of(operations: Iterable[Operation]) -> set[Port]:
         elif isinstance(each, (Load, Store)):
             values += each.signals
         elif isinstance(each, Integrate):
-            found |= signals_of((*each.stage, *each.projections, *each.watch))
-            values += [] if each.stop is None else [each.stop.source.whole]
+            found |= signals_of(each.between)
         found |= {value.key for value in values if isinstance(value, Signal)}
     return found
 
@@ -61,8 +60,11 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
     done: list[Operation] = []
     for each in operations:
         if isinstance(each, Integrate):
-            calls = list(calls_in((*each.stage, *each.watch)))
-            done.append(replace(each, stage=_stored(each.stage), watch=_stored(each.watch)))
+            calls = list(calls_in(each.between))
+            stops = [c.guards.source.whole for c in each.crossings if isinstance(c.guards, Stop)]
+            loads += [whole for whole in stops if isinstance(whole, Signal)]
+            stage, watch, after = map(_stored, (each.stage, each.watch, each.after))
+            done.append(replace(each, stage=stage, watch=watch, after=after))
         else:
             calls = list(calls_in([each]))
             done.append(each)

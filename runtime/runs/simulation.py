@@ -224,6 +224,8 @@ def _resolved_document(graph: PreparedRun, engine: str) -> dict[str, Any]:
         run["time_unit"] = network.time_unit
     if network.states != "small":
         run["states"] = network.states
+    if network.events != "located":
+        run["events"] = network.events
     if network.stop is not None:
         run["stop"] = network.stop.entries()
     return {**graph.document(), "run": run | network.solver.entries()}

@@ -124,6 +124,21 @@ def test_means_over_seeds_are_nengos(name: str) -> None:
     assert difference < 0.2
 
 
+@pytest.mark.slow
+def test_the_basal_ganglia_inhibit_as_nengos_do() -> None:
+    """Means and deviations over 64 seeds, of each action in each of three choices."""
+    seeds = range(64)
+    mine = np.stack([ours("basal_ganglia", seed) for seed in seeds])
+    other = np.stack([theirs("basal_ganglia", 1.5, seed) for seed in seeds])
+    for first, last in ((200, 500), (700, 1000), (1200, 1500)):
+        a, b = (x[:, first:last].mean(axis=1) for x in (mine, other))
+        scatter = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / len(seeds))
+        z = (a.mean(axis=0) - b.mean(axis=0)) / scatter
+        assert np.abs(z).max() < 3.3, z  # of nine, one in a hundred would be larger by chance
+        quotients = a.std(axis=0, ddof=1) / b.std(axis=0, ddof=1)
+        assert (quotients > 0.62).all() and (quotients < 1.6).all(), quotients
+
+
 def slope(values: np.ndarray) -> float:
     """How much of the filtered sine is decoded from 0.2 s on, on average."""
     t = 0.001 * np.arange(len(values))

@@ -42,7 +42,7 @@ class DriverText(PythonText):
         gates = (operations[0].gate for operations in called)
         rates = sorted({(gate.every, gate.offset) for gate in gates})
         self.leave = "return"
-        halted = " and not stop[2]" if self.plan.can_stop else ""
+        halted = " and not stop[0]" if self.plan.can_stop else ""
         self.line(0, "def drive(first, last):")
         self.line(1, "k = first")
         self.line(1, f"while k < last{halted}:")
@@ -56,7 +56,7 @@ class DriverText(PythonText):
         for number, operations in enumerate(called):
             self.line(2, f"run(k, k + 1, {number}, {number + 1})")
             if self.plan.can_stop:
-                self.line(2, "if stop[2]:")
+                self.line(2, "if stop[0]:")
                 self.line(3, self.leave)
             self.rate = ALWAYS
             self.operations(exchanged(operations))
