@@ -1,15 +1,8 @@
 """What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
 from blocks.core import polynomials, portable
-from blocks.core.block import (
-    Block,
-    BlockContext,
-    BlockState,
-    Evaluation,
-    Input,
-    Output,
-    State,
-)
+from blocks.core.block import Block, Evaluation, Input, Output, State
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec
 from blocks.core.differences import Unsettled, jacobian
 from blocks.core.elementwise import (
@@ -25,6 +18,7 @@ from blocks.core.expression_arrays import ARRAYS, CREATION
 from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
     Expressions,
+    array_of,
     expression_function,
     function_from,
     function_text,
@@ -141,6 +135,7 @@ __all__ = [
     "Vector",
     "WheelSpeeds",
     "arctan2",
+    "array_of",
     "as_matrix",
     "check_ascending",
     "check_flat",

@@ -75,7 +75,7 @@ from collections.abc import Collection, Container, Hashable, Iterable, Mapping, 
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from blocks.core.context import BlockContext, BlockState
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
 from blocks.core.params import DeclarationError, ParameterError, as_matrix, plain, show
@@ -85,9 +85,7 @@ from blocks.core.signals import FloatArray, PortType, SignalType
 
 __all__ = [
     "Block",
-    "BlockContext",
     "BlockSpec",
-    "BlockState",
     "Evaluation",
     "Input",
     "Output",
@@ -221,6 +219,19 @@ class Block:
     def instead(self, wanted: SignalType) -> str:
         """What to write for an output of another type, for messages; '' if unknown."""
         return ""
+
+    def discretized(self, method: str, step: float) -> Block | None:
+        """The block in discrete time, with the same ports; None if it has no such form.
+
+        Parameters
+        ----------
+        method : "tustin", "zoh" or "matched". step : the new block's own step (s).
+
+        Raises
+        ------
+        ParameterError : there is one by other methods only, or for other parameters.
+        """
+        return None
 
     def why_not_finite(self) -> str:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""

@@ -28,11 +28,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from blocks.core.expression_reader import Reader
 from blocks.core.expression_text import PARSING, ExpressionError, tree_of
 from blocks.core.expression_values import Value, Writer, Written, named_value, reached
 from blocks.core.scalar_functions import SCOPE
-from blocks.core.signals import SignalForm
+from blocks.core.signals import FloatArray, SignalForm
 
 Names = Mapping[str, Written]
 
@@ -238,3 +240,16 @@ def _literals(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_literals(item) for item in value]
     return repr(float(value))
+
+
+def array_of(text: str) -> FloatArray:
+    """The numbers that an expression of numbers alone stands for: ``diag(1, 1, 0.1)``.
+
+    Raises
+    ------
+    ExpressionError : with the column and a suggestion.
+    ArithmeticError : it divides by zero, or inverts a singular matrix.
+    """
+    read = read_expressions([text], {})
+    values = function_from(function_text(read, (), "record"))()
+    return np.array(values).reshape(read.shapes[0])

@@ -15,6 +15,8 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from blocks.core.expression_text import ExpressionError
+from blocks.core.expressions import array_of
 from blocks.core.hints import hint
 from blocks.core.names import Names
 from blocks.core.settings import Setting, SettingError
@@ -155,7 +157,10 @@ class Param:
             converted = _CONVERT[self.kind](in_radians(value, self.units))
         except SettingError:
             raise
-        except (TypeError, ValueError, OverflowError) as error:
+        except (ExpressionError, ZeroDivisionError) as error:
+            quotes = "; in {...} it needs quotes" if value.count("(") > value.count(")") else ""
+            raise ValueError(f"{error} (in '{value[:60]}'){quotes}") from None
+        except (TypeError, ValueError, ArithmeticError) as error:
             if self.kind == "signal" and isinstance(value, str):
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
             text = f"expected {self.describe()}, got {show(value)}{self._number_hint(value)}"
@@ -407,6 +412,8 @@ def _array(value: Any) -> FloatArray:
         if value.dtype.kind not in "fiu":
             raise TypeError
         return np.array(value, dtype=float)
+    if isinstance(value, str) and re.search(r"\w\s*\(|\[", value):
+        return array_of(value)
     if not isinstance(value, (list, tuple)):
         return np.array(_float(value))
     rows = [_array(item) for item in value]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from blocks.core.block import Block, BlockContext, BlockState
+from blocks.core.block import Block
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import State
 from blocks.core.signals import SignalType
 

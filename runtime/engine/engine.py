@@ -190,6 +190,8 @@ class Engine:
             with stoppable():
                 held = self._first_tick()
                 outcome.ready_s = time.perf_counter() - began
+                if self.profile is not None:
+                    self.profile.restart()
                 self._loop(held, progress)
             if self.state.stop[FOUND]:
                 outcome.status, outcome.stopped_at = "stopped", float(self.state.stop[TIME])

@@ -206,7 +206,8 @@ def _forms(param: Param) -> Iterable[Schema]:
     if param.kind != "array":
         return _setting_forms(param)
     alone = [number, *degrees] if not param.shapes or () in param.shapes else []
-    return [*words, *alone, {"type": "array"}]
+    computed = {"type": "string", "pattern": r"[(\[]"}
+    return [*words, *alone, {"type": "array"}, computed]
 
 
 def _setting_forms(param: Param) -> list[Schema]:

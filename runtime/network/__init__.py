@@ -6,7 +6,7 @@ room for each step, in this order:
     expansion     $names filled in, a scope for each part     (repetition: copies of a part)
     block_types   names of types -> classes                   build: blocks constructed
     wiring        addresses -> wires between blocks           (addresses, components)
-    removal       without, bypass                             (replacement: --replace, before)
+    removal       without, bypass                             (replacement, discretization: before)
     inference     signal types and lengths along the wires    (shapes)
     units         units that contradict each other            open_inputs: what lacks a wire
     enabling      parts that are switched                     initial: states of earlier runs
@@ -21,6 +21,7 @@ from runtime.network.components import (
     first_column,
     unknown_component,
 )
+from runtime.network.discretization import discretize
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
@@ -50,6 +51,7 @@ __all__ = [
     "columns",
     "component_type",
     "copy_name",
+    "discretize",
     "enables_of",
     "expand",
     "find",

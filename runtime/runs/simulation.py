@@ -254,7 +254,7 @@ def _manifest(
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
         # The first tick runs in Python under either engine and is not counted.
-        "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),
+        "us_per_tick": _us_per_tick(outcome),
         "started": began.isoformat(timespec="seconds"),
         "argv": sys.argv,
         "overrides": [str(override) for override in graph.overrides],
@@ -263,6 +263,12 @@ def _manifest(
         "notes": notes,
         "versions": {**versions(), **_compiler(outcome.engine)},
     }
+
+
+def _us_per_tick(outcome: Outcome) -> float | None:
+    """Microseconds a tick after the first; None of a run that had no other."""
+    later = outcome.ticks - 1
+    return 1e6 * (outcome.wall_s - outcome.ready_s) / later if later > 0 else None
 
 
 def _compiler(engine: str) -> dict[str, str]:

@@ -14,7 +14,7 @@ import math
 import shutil
 import tempfile
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -132,6 +132,11 @@ def run_task(task: Task) -> TrialResult:
         result=result if status in task.keep and _is_wanted(task, metrics) else None,
         signals={} if result is None or status != "ok" else _signals(measured, result),
     )
+
+
+def run_tasks(tasks: Sequence[Task]) -> list[TrialResult]:
+    """Run several trials, one after the other."""
+    return [run_task(task) for task in tasks]
 
 
 def _metrics(configuration: Configuration) -> list[Metric]:

@@ -1,7 +1,10 @@
-"""What a block knows about its place in a graph, and the data of one block that change.
+"""What a block has during a run: its surroundings in the graph, and the data that change.
 
-In: a checked graph. Out: what every method of a block gets as ``state``, and its ``state.context``.
-The block itself never changes.
+The engine makes one :class:`BlockState` for each block, with the arrays that it declares; its
+``context`` says what is wired to it::
+
+    state.context.types["input"]   # Vector(3)
+    state.x[0] += state.dt         # a state declared as x = State(1)
 """
 
 from __future__ import annotations
@@ -48,7 +51,7 @@ class BlockContext:
     located: bool = False
     wired: frozenset[str] = frozenset()
     sampled: bool = False
-    neighbour: Callable[[str], tuple[Any, BlockContext] | None] = field(
+    neighbour: Callable[[str], tuple[Block, BlockContext] | None] = field(
         default=lambda name: None, compare=False, repr=False
     )
 
