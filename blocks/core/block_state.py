@@ -51,7 +51,7 @@ class BlockContext:
     located: bool = False
     wired: frozenset[str] = frozenset()
     sampled: bool = False
-    neighbour: Callable[[str], tuple[Block, BlockContext] | None] = field(
+    neighbour: Callable[[str], tuple[Any, BlockContext] | None] = field(
         default=lambda name: None, compare=False, repr=False
     )
 
