@@ -10,11 +10,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from blocks.core import FloatArray, SignalType
+from blocks.core import FloatArray, SignalType, state_shape
 from runtime.engine.events import MAX_EVENTS, decided, noted, opened, proposed
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
-from runtime.network import Network, state_shape
+from runtime.network import Network
 from runtime.plan import Integrate
 
 
@@ -123,7 +123,7 @@ class OutputChecks:
         if block not in self._shapes:  # an implicit solver asks thousands of times on one tick
             states = (spec.states[name] for name in names)
             context = self.network.context(block)
-            self._shapes[block] = [state_shape(entry.block, s, context, spec) for s in states]
+            self._shapes[block] = [state_shape(entry.block, s, context) for s in states]
         given = (value,) if len(names) == 1 else value
         for name, rate, shape in zip(names, given, self._shapes[block], strict=True):
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from blocks.core import SignalType, Vector
+from blocks.core import SignalType, Vector, state_shape
 from blocks.neural import Synapse, table_shape
 from runtime.document import TIME_UNITS, Node, in_time, strings
 from runtime.errors import Problems
@@ -23,7 +23,6 @@ from runtime.network import (
     columns,
     component_type,
     is_range,
-    state_shape,
     unknown_component,
 )
 
@@ -255,7 +254,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     spec = entry.cls.spec
     if end.port in spec.states:
         state = spec.states[end.port]
-        shape = state_shape(entry.block, state, network.context(end.block), spec)
+        shape = state_shape(entry.block, state, network.context(end.block))
         kind = state.signal.name if state.signal is not None else "State"
         unit = in_time(state.unit, network.time_unit)
         if is_range(end.component):
