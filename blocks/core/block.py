@@ -72,12 +72,10 @@ changes is in the :class:`BlockState` that the engine owns.
 from __future__ import annotations
 
 from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
-import numpy as np
-
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
 from blocks.core.params import DeclarationError, ParameterError, as_matrix, plain, show
@@ -87,104 +85,12 @@ from blocks.core.signals import FloatArray, PortType, SignalType
 
 __all__ = [
     "Block",
-    "BlockContext",
     "BlockSpec",
-    "BlockState",
     "Evaluation",
     "Input",
     "Output",
     "State",
 ]
-
-
-@dataclass(frozen=True)
-class BlockContext:
-    """The surroundings of a block in a built graph.
-
-    dt : the block's own step (s).
-    types : the resolved signal type of each port.
-    terms : for each variadic input, one flag per term as written: whether it is still connected
-        (removing a block removes its wires).
-    world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
-    lengths : the lengths that are known, by symbol: of ports, and those that arrived with wires.
-    published : the block behind each input whose wire comes from an output that publishes a
-        description.
-    until : the length of the run (s); None if it is not known.
-    moving : those inputs that the block recalls and that may change between two ticks.
-    located : whether the block's events are located between ticks (``run.events``).
-    wired : its inputs that something is wired to.
-    """
-
-    dt: float
-    types: Mapping[str, SignalType]
-    terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
-    world: object = None
-    lengths: Mapping[str, int] = field(default_factory=dict)
-    published: Mapping[str, Block] = field(default_factory=dict)
-    until: float | None = None
-    moving: tuple[str, ...] = ()
-    located: bool = False
-    wired: frozenset[str] = frozenset()
-
-    def count(self, port: str) -> int:
-        """The number of terms of a variadic input whose terms are told apart by their places.
-
-        Raises
-        ------
-        ParameterError : one is not connected, which would shift those after it.
-        """
-        flags = self.terms[port]
-        if not all(flags):
-            place = f"{port}[{flags.index(False)}]"
-            message = f"the block that was wired to {place} is removed, which would shift the "
-            message += (
-                "components after it; wire another signal there, or remove this block as well"
-            )
-            raise ParameterError([(port, message)])
-        return len(flags)
-
-
-class BlockState:
-    """The data of one block that change during a run; created by the engine.
-
-    The arrays that the block declares are attributes; an assignment to one of them writes into
-    it, so that probes and both engines see it. Further attributes: ``context``, its step ``dt``,
-    and ``rng``, the block's own generator; ``published``, for each input that has one, the static
-    description that its producer publishes. ``start`` may add what it derives from parameters.
-
-    Every array is stored as a view: an output that is one of them, or a part of one, has a
-    ``base``, from which the engine sees that it must be copied.
-    """
-
-    def __init__(
-        self, context: BlockContext, seed: np.random.SeedSequence, arrays: Mapping[str, Any]
-    ) -> None:
-        # Past __setattr__, which asks for it.
-        self.__dict__["_declared"] = frozenset(arrays)
-        self.__dict__.update({name: array.view() for name, array in arrays.items()})
-        self.context = context
-        self.dt = context.dt
-        self.seed = seed
-        self.published: Mapping[str, Any] = {}
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        held = self.__dict__
-        if name in held["_declared"]:
-            # After `state.x += 1` it is the array itself that is assigned.
-            if value is not held[name]:
-                held[name][...] = value
-        elif isinstance(value, np.ndarray) and value.base is None:
-            held[name] = value.view()
-        else:
-            held[name] = value
-
-    @cached_property
-    def rng(self) -> np.random.Generator:
-        return np.random.Generator(np.random.PCG64(self.seed))
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...
 
 
 class Block:
@@ -313,6 +219,19 @@ class Block:
     def instead(self, wanted: SignalType) -> str:
         """What to write for an output of another type, for messages; '' if unknown."""
         return ""
+
+    def discretized(self, method: str, step: float) -> Block | None:
+        """The block in discrete time, with the same ports; None if it has no such form.
+
+        Parameters
+        ----------
+        method : "tustin", "zoh" or "matched". step : the new block's own step (s).
+
+        Raises
+        ------
+        ParameterError : there is one by other methods only, or for other parameters.
+        """
+        return None
 
     def why_not_finite(self) -> str:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""

@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from blocks.core.block import Block, BlockContext
+from blocks.core.block import Block
+from blocks.core.block_state import BlockContext
 from blocks.core.declarations import Input
 from blocks.core.expression_text import ExpressionError
 from blocks.core.expression_values import Written

@@ -22,6 +22,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.dynamics.discrete import DiscreteIntegrator
 
 EDGES = ("rising", "falling", "either", "level")
 
@@ -88,6 +89,10 @@ class Integrator(Block):
         state.ends = state.at.reshape(-1)
         state.limits = 2 * len(state.cells) if state.limited else 0
         state.guarded = state.limits + ("reset" in state.context.wired)
+
+    def discretized(self, method: str, step: float) -> Block:
+        rules = {"tustin": "trapezoidal", "zoh": "forward", "matched": "forward"}
+        return DiscreteIntegrator(**self.parameters(), method=rules[method])
 
     def couplings(self, context: BlockContext) -> list[list[int]]:
         # Each of its own state, which may be at a limit.

@@ -43,6 +43,17 @@ struct draws {
 #define LIKELY(x) (x)
 #endif
 #define INLINE static inline MAYBE_UNUSED
+
+/* The C library's, as the compiler does not know them (see FLAGS of the toolchain), but of one
+ * argument one result: two blocks that turn by one angle take its sine once. */
+#if defined(__GNUC__) || defined(__clang__)
+#define OF_ARGUMENTS(name) extern double name(double) __attribute__((const))
+OF_ARGUMENTS(sin);
+OF_ARGUMENTS(cos);
+OF_ARGUMENTS(tan);
+OF_ARGUMENTS(exp);
+OF_ARGUMENTS(log);
+#endif
 /* A function of numbers that cannot fail. As a call it would keep the loop around it from being
  * vector instructions. */
 #if defined(__GNUC__) || defined(__clang__)

@@ -53,7 +53,7 @@ class Kernel:
 
     symbols, prototypes : the C name and declaration of each method.
     failures : what can go wrong while it runs, by number: exception, message, file, line.
-    words : how many words its struct has.
+    words : how many words its struct has; ``struct`` is its name inside of another unit.
     is_new : it was written, not read from the cache.
     """
 
@@ -65,6 +65,7 @@ class Kernel:
     failures: list[Failure]
     words: int
     is_new: bool = False
+    struct: str = ""
 
     @property
     def unit(self) -> TranslationUnit:
@@ -76,6 +77,11 @@ class Kernel:
         """Whether it can be part of the plan's unit."""
         return len(self.text) - len(support()) <= SMALL
 
+    @property
+    def has_while(self) -> bool:
+        """Whether it has a loop that ends by what it computes."""
+        return "while (" in self.text.replace(support(), "")
+
     def enclosed(self, prefix: str) -> Kernel:
         """The same for a unit with other blocks: without the support that a unit begins with, and
         with static functions ``<prefix>_...``, of which the methods are ``<prefix>__...``."""
@@ -86,7 +92,8 @@ class Kernel:
         tags = {name: f"{prefix}_{name}" for name in STRUCT.findall(text)}
         text = CALL.sub(lambda found: f"{calls.get(found[1], found[1])}(", text)
         text = TAG.sub(lambda found: f"struct {tags.get(found[1], found[1])}", text)
-        return replace(self, text=text, symbols=symbols, prototypes=[])
+        struct = f"struct {tags['entries']}"
+        return replace(self, text=text, symbols=symbols, prototypes=[], struct=struct)
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
         """The values of the struct in one run."""

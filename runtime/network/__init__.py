@@ -6,7 +6,7 @@ room for each step, in this order:
     expansion     $names filled in, a scope for each part     (repetition: copies of a part)
     block_types   names of types -> classes                   build: blocks constructed
     wiring        addresses -> wires between blocks           (addresses, components)
-    removal       without, bypass                             (replacement: --replace, before)
+    removal       without, bypass                             (replacement, discretization: before)
     inference     signal types and lengths along the wires    (shapes)
     units         units that contradict each other            open_inputs: what lacks a wire
     enabling      parts that are switched                     initial: states of earlier runs
@@ -21,6 +21,7 @@ from runtime.network.components import (
     first_column,
     unknown_component,
 )
+from runtime.network.discretization import discretize
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
@@ -31,7 +32,7 @@ from runtime.network.removal import follow, missing_block
 from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
 from runtime.network.scope import Scope
-from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
+from runtime.network.shapes import MAX_BYTES, whole_shape
 
 __all__ = [
     "BLOCK_KEYS",
@@ -50,6 +51,7 @@ __all__ = [
     "columns",
     "component_type",
     "copy_name",
+    "discretize",
     "enables_of",
     "expand",
     "find",
@@ -65,7 +67,6 @@ __all__ = [
     "replace_block",
     "resets",
     "source_file",
-    "state_shape",
     "unknown_component",
     "whole_shape",
 ]

@@ -8,7 +8,9 @@ several ticks.
 ``call gain.out: Scalar = gain.output(t, clock.time)`` with its test becomes::
 
     block_gain_output(ctx, plan->fields_gain, t, plan->out_clock_time, &plan->out_gain_out);
-    if (!(isfinite(plan->out_gain_out))) { ctx->at = 1; return 1; }
+    if (!isfinite(plan->out_gain_out)) {
+        if (!(isfinite(plan->out_gain_out))) { ctx->at = 1; return 1; }
+    }
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from blocks.core import SignalType
 from runtime.compiler import Kernel, written
 from runtime.engine.compiled.driver import DriverText
 from runtime.engine.compiled.plan_text import ATTEMPT, HELPERS, RUN, literal
+from runtime.engine.compiled.signals import NOT_INTEGRATED, STOPPED, UNSOLVED, SignalText
 from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
@@ -28,7 +31,6 @@ from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     Argument,
     Call,
-    CText,
     GuardSlot,
     Integrate,
     Operation,
@@ -45,11 +47,6 @@ from runtime.plan import (
     numbers_in,
 )
 from runtime.toolchain import TranslationUnit
-
-# What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
-# of change is not finite, or its tolerance is not met), the run's condition to stop holds, or an
-# algebraic loop has no solution.
-FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
 
 
 @dataclass
@@ -79,8 +76,9 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     ----------
     kernels : the blocks that are compiled, by name; the others are called from Python.
     """
-    printer = EngineText(plan, names, kernels)
     parts, called = divided(plan, kernels)
+    is_one = not any(isinstance(each, (Integrate, Solve)) for each in plan.operations)
+    printer = EngineText(plan, names, kernels, has_locals=is_one and len(parts) == 1)
     for number, part in enumerate(parts):
         if len(parts) == 1:
             printer.operations(part)
@@ -94,6 +92,8 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     used = {each for kernel in kernels.values() for each in kernel.prototypes} | printer.own
     prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
     run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
+    for mark, lines in zip(("@first@", "@tick@", "@last@"), printer.moved(), strict=True):
+        run = run.replace(mark, "\n".join(lines))
     made.text = "\n".join([printer.struct.text(), prototypes, HELPERS + printer.functions + run])
     return made
 
@@ -125,14 +125,13 @@ def divided(
     return parts, called
 
 
-class EngineText(CText):
+class EngineText(SignalText):
     """Writes operations for the engine; ``struct`` has the values that they use."""
 
-    def __init__(self, plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> None:
-        super().__init__("k", depth=2)
-        self.plan, self.kernels = plan, kernels
-        self.struct = Struct(names)
-        self.calls: list[Call] = []
+    def __init__(
+        self, plan: Plan, names: Names, kernels: Mapping[str, Kernel], has_locals: bool
+    ) -> None:
+        super().__init__(plan, names, kernels, has_locals)
         self.others: list[TranslationUnit] = []
         self.own: set[str] = set()
         self.functions = ""
@@ -144,9 +143,6 @@ class EngineText(CText):
         }
 
     # Values
-
-    def signal(self, signal: Signal) -> str:
-        return self.struct.signal(signal)
 
     def place(self, source: Source) -> str:
         """The address of a signal or a state, or of the first number of a component."""
@@ -182,27 +178,13 @@ class EngineText(CText):
         if kernel.failures:  # a block that cannot fail leaves no number
             self.put(f"ctx->at = {len(self.calls)};")
         self.calls.append(call)
-        return kernel.symbols[call.method], ["ctx", self.struct.fields(call.block)]
+        return kernel.symbols[call.method], ["ctx", self.fields(call.block, kernel)]
 
-    def test(self, test: Test) -> None:
-        numbers: list[str] = []
-        tests: list[str] = []
-        for signal in test.outputs:
-            kind, name = signal.kind, self.signal(signal)
-            if kind.form == "array":
-                function = "all_finite" if kind.finite else "no_nan"
-                tests.append(f"{function}({name}, {numbers_in(kind)})")
-            elif kind.form == "scalar":
-                numbers.append(name)
-            else:
-                numbers += [f"{name}[{i}]" for i in range(len(kind.components))]
-        if numbers:
-            fast = f"isfinite({' + '.join(numbers)})"
-            if len(numbers) > 1:  # the sum of large numbers may be infinite
-                fast = f"({fast} || ({' && '.join(f'isfinite({each})' for each in numbers)}))"
-            tests.insert(0, fast)
-        wrong = f"ctx->at = {len(self.calls) - 1}; return {NOT_FINITE};"
-        self.put(f"if (!({' && '.join(tests)})) {{ {wrong} }}")
+    def fields(self, block: str, kernel: Kernel) -> str:
+        """The address of a block's struct: of a block inside of the plan's unit, a member."""
+        if not kernel.struct:
+            return self.struct.fields(block)
+        return self.struct.inner(block, kernel.struct, kernel.words)
 
     def uses(self, unit: TranslationUnit, prototypes: Sequence[str]) -> None:
         """Build a unit as well, and call its functions."""
@@ -211,6 +193,7 @@ class EngineText(CText):
 
     def solve(self, solve: Solve) -> None:
         """Try values of the unknowns, until the calls compute the same."""
+        self.tested()
         self.uses(*newton_unit(solve.size))
         memory = self.struct.array(f"loop_{solve.number}")
         given = f"{memory}, {self.struct.array(f'loop_{solve.number}_control')}, &going"
@@ -247,6 +230,7 @@ class EngineText(CText):
 
     def record(self, record: Record) -> None:
         """Record one row."""
+        self.tested()
         array, width = self.struct.array(f"probe_{record.number}"), record.width
         columns, number = record.columns or slice(0, width), row(record).replace("//", "/")
         start = f"({number}) * {width}" if width != 1 else number
@@ -256,13 +240,14 @@ class EngineText(CText):
 
     def stop_at_tick(self, stop: Stop) -> None:
         """End the run at a tick at which the condition holds."""
+        self.tested()
         condition = CONDITIONS[stop.direction].replace(" and ", " && ").replace(" or ", " || ")
         with self.block(""):
             self.put(f"double *const stop = {self.struct.array('stop')};")
             self.put(f"const double beyond = {self.distance(stop)};")
             with self.block(f"if ({condition})"):
                 self.put("stop[0] = 1.0, stop[2] = (double)k, stop[3] = t;")
-                self.put(f"return {STOPPED};")
+                self.put(self.ended(STOPPED))
             self.put("stop[1] = beyond;")
 
     def distance(self, stop: Stop) -> str:
@@ -273,6 +258,7 @@ class EngineText(CText):
 
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
+        self.tested()
         method = method_of(part.solver, part.colours)
         self.uses(*solver_unit(part, method))
         if method.errors:
