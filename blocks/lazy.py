@@ -33,7 +33,9 @@ def door(package: str) -> Callable[[str], Any]:
         if name not in homes:  # of runtime, or newer than the index
             homes.update(exports(package))
         module, _, original = homes[name].partition(":")
-        return getattr(importlib.import_module(module), original)
+        found = getattr(importlib.import_module(module), original)
+        setattr(sys.modules[package], name, found)
+        return found
 
     return attribute
 

@@ -44,7 +44,7 @@ BUILTIN: Mapping[str, type[Block]] = _Library()
 
 def is_built_in(cls: type[Block]) -> bool:
     """Whether a block class is one of ours: not of a package, nor of a graph's own file."""
-    return BUILTIN.get(cls.__name__) is cls
+    return f"blocks.{TYPES.get(cls.__name__)}" == cls.__module__
 
 
 # Those of installed packages as well.

@@ -1,16 +1,10 @@
 """What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
-from blocks.core import portable
-from blocks.core.block import (
-    Block,
-    BlockContext,
-    BlockState,
-    Evaluation,
-    Input,
-    Output,
-    State,
-)
+from blocks.core import polynomials, portable
+from blocks.core.block import Block, Evaluation, Input, Output, State
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec
+from blocks.core.differences import Unsettled, jacobian
 from blocks.core.elementwise import (
     Elementwise,
     check_ascending,
@@ -24,10 +18,12 @@ from blocks.core.expression_arrays import ARRAYS, CREATION
 from blocks.core.expression_text import ExpressionError, parsed
 from blocks.core.expressions import (
     Expressions,
+    array_of,
     expression_function,
     function_from,
     function_text,
     read_expressions,
+    signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.hints import hint
@@ -85,6 +81,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.state_shapes import started, state_lengths, state_shape
 from blocks.core.variants import Variant
 
 __all__ = [
@@ -133,10 +130,12 @@ __all__ = [
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Unsettled",
     "Variant",
     "Vector",
     "WheelSpeeds",
     "arctan2",
+    "array_of",
     "as_matrix",
     "check_ascending",
     "check_flat",
@@ -154,6 +153,7 @@ __all__ = [
     "has_kernels",
     "hint",
     "items",
+    "jacobian",
     "kernel_for",
     "kernel_of",
     "kron",
@@ -166,18 +166,23 @@ __all__ = [
     "piece",
     "pip_line",
     "plain",
+    "polynomials",
     "portable",
     "product",
     "read_expressions",
     "require",
     "show",
     "signal_type",
+    "signed_distance",
     "sin",
     "size_of",
     "small_eliminate",
     "small_product",
     "solve",
     "spread_to",
+    "started",
+    "state_lengths",
+    "state_shape",
     "times",
     "transposed",
     "value_type",

@@ -45,6 +45,26 @@ A block in continuous time declares continuous states and says how fast they cha
   wrapped.
 * A block may have both: ``update`` comes first, at the tick, and may set continuous states.
 
+Events of continuous signals happen between ticks. A block declares guards, numbers that are above
+zero while a condition holds, and what happens where one changes its sign::
+
+    def crossings(self, context):
+        return ("rising",)  # of each guard: rising, falling or either
+
+    def guards(self, state, t, signal):
+        return np.array([signal - self.level])
+
+    def event(self, state, t, which, signal):
+        state.count += 1
+
+* After each step of the solver, ``guards`` is asked; where one has changed its sign in its
+  direction, that time is located, and ``event`` called with its number. It may set all states of
+  the block. Integration restarts there.
+* Outputs of a block with guards and without continuous states hold from event to event, unless it
+  ``follows``: then a guard is a corner, at which a step ends.
+* A block with continuous states has an ``update`` for ``run: {events: ticks}`` alone, then.
+* ``edges(until)`` of a source are the times at which its output jumps or bends; steps end there.
+
 A block is immutable: everything that
 changes is in the :class:`BlockState` that the engine owns.
 """
@@ -52,115 +72,25 @@ changes is in the :class:`BlockState` that the engine owns.
 from __future__ import annotations
 
 from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
-import numpy as np
-
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
 from blocks.core.hints import alternatives, hint
-from blocks.core.params import ParameterError, as_matrix, plain, show
+from blocks.core.params import DeclarationError, ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import FloatArray, PortType, SignalType
 
 __all__ = [
     "Block",
-    "BlockContext",
     "BlockSpec",
-    "BlockState",
     "Evaluation",
     "Input",
     "Output",
     "State",
 ]
-
-
-@dataclass(frozen=True)
-class BlockContext:
-    """The surroundings of a block in a built graph.
-
-    dt : the block's own step (s).
-    types : the resolved signal type of each port.
-    terms : for each variadic input, one flag per term as written: whether it is still connected
-        (removing a block removes its wires).
-    world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
-    lengths : the lengths that are known, by symbol: of ports, and those that arrived with wires.
-    published : the block behind each input whose wire comes from an output that publishes a
-        description.
-    until : the length of the run (s); None if it is not known.
-    moving : those inputs that the block recalls and that may change between two ticks.
-    """
-
-    dt: float
-    types: Mapping[str, SignalType]
-    terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
-    world: object = None
-    lengths: Mapping[str, int] = field(default_factory=dict)
-    published: Mapping[str, Block] = field(default_factory=dict)
-    until: float | None = None
-    moving: tuple[str, ...] = ()
-
-    def count(self, port: str) -> int:
-        """The number of terms of a variadic input whose terms are told apart by their places.
-
-        Raises
-        ------
-        ParameterError : one is not connected, which would shift those after it.
-        """
-        flags = self.terms[port]
-        if not all(flags):
-            place = f"{port}[{flags.index(False)}]"
-            message = f"the block that was wired to {place} is removed, which would shift the "
-            message += (
-                "components after it; wire another signal there, or remove this block as well"
-            )
-            raise ParameterError([(port, message)])
-        return len(flags)
-
-
-class BlockState:
-    """The data of one block that change during a run; created by the engine.
-
-    The arrays that the block declares are attributes; an assignment to one of them writes into
-    it, so that probes and both engines see it. Further attributes: ``context``, its step ``dt``,
-    and ``rng``, the block's own generator; ``published``, for each input that has one, the static
-    description that its producer publishes. ``start`` may add what it derives from parameters.
-
-    Every array is stored as a view: an output that is one of them, or a part of one, has a
-    ``base``, from which the engine sees that it must be copied.
-    """
-
-    def __init__(
-        self, context: BlockContext, seed: np.random.SeedSequence, arrays: Mapping[str, Any]
-    ) -> None:
-        # Past __setattr__, which asks for it.
-        self.__dict__["_declared"] = frozenset(arrays)
-        self.__dict__.update({name: array.view() for name, array in arrays.items()})
-        self.context = context
-        self.dt = context.dt
-        self.seed = seed
-        self.published: Mapping[str, Any] = {}
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        held = self.__dict__
-        if name in held["_declared"]:
-            # After `state.x += 1` it is the array itself that is assigned.
-            if value is not held[name]:
-                held[name][...] = value
-        elif isinstance(value, np.ndarray) and value.base is None:
-            held[name] = value.view()
-        else:
-            held[name] = value
-
-    @cached_property
-    def rng(self) -> np.random.Generator:
-        return np.random.Generator(np.random.PCG64(self.seed))
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...
 
 
 class Block:
@@ -172,6 +102,8 @@ class Block:
     """
 
     spec: ClassVar[BlockSpec] = BlockSpec()
+    # Whether outputs follow inputs between events, with a corner at each, rather than hold.
+    follows: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -180,6 +112,11 @@ class Block:
             own_sizes=cls.sizes is not Block.sizes or cls.sizes_in is not Block.sizes_in,
             own_variables=cls.variables is not Block.variables,
         )
+        if cls.spec.event is not None and cls.spec.guards is None:
+            raise DeclarationError(f"{cls.__name__}.event: there are no guards(self, state, t)")
+        if cls.spec.guards is not None and cls.crossings is Block.crossings:
+            message = "guards need crossings(self, context), the direction of each"
+            raise DeclarationError(f"{cls.__name__}.guards: {message}")
 
     def __init__(self, *unnamed: Any, **values: Any) -> None:
         problems: list[tuple[str, str]] = []
@@ -255,6 +192,14 @@ class Block:
         """
         return ()
 
+    def crossings(self, context: BlockContext) -> Sequence[str]:
+        """In which direction each of the guards is met: rising, falling or either."""
+        return ()
+
+    def edges(self, until: float) -> Sequence[float] | FloatArray:
+        """The times (s) in a run at which the outputs jump or bend, as a source knows them."""
+        return ()
+
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         """Lengths that follow from others that are known, by symbol."""
         return {}
@@ -274,6 +219,19 @@ class Block:
     def instead(self, wanted: SignalType) -> str:
         """What to write for an output of another type, for messages; '' if unknown."""
         return ""
+
+    def discretized(self, method: str, step: float) -> Block | None:
+        """The block in discrete time, with the same ports; None if it has no such form.
+
+        Parameters
+        ----------
+        method : "tustin", "zoh" or "matched". step : the new block's own step (s).
+
+        Raises
+        ------
+        ParameterError : there is one by other methods only, or for other parameters.
+        """
+        return None
 
     def why_not_finite(self) -> str:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""
@@ -330,6 +288,11 @@ class Block:
         that of a linear system with D = 0.
         """
         return ()
+
+    @property
+    def state_names(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the components of continuous states that have some, by state."""
+        return {}
 
     def couplings(self, context: BlockContext) -> Sequence[Collection[int]] | None:
         """For each of its continuous states, in order and each component counted, of which of them

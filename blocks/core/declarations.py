@@ -152,6 +152,8 @@ class BlockSpec:
     update: Evaluation | None = None
     derivative: Evaluation | None = None
     projects: bool = False
+    guards: Evaluation | None = None
+    event: Evaluation | None = None
 
     @property
     def continuous(self) -> tuple[str, ...]:

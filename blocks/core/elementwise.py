@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core.block import Block, BlockContext, BlockState
+from blocks.core.block import Block
+from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import Input, Output
 from blocks.core.params import ParameterError
 from blocks.core.signals import FloatArray, Same, SignalType

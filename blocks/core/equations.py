@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from blocks.core.block import Block, BlockContext
+from blocks.core.block import Block
+from blocks.core.block_state import BlockContext
 from blocks.core.declarations import Input
 from blocks.core.expression_text import ExpressionError
 from blocks.core.expression_values import Written
@@ -71,8 +72,8 @@ class Equations(Block, ABC):
         ``variables`` are names that expressions have beside u, with what they are.
         """
         known = {"u": "the inputs", **variables}
-        own = {"let": self.let.texts if self.let else ()}
-        groups = {"states": states, "names": self.names, "constants": self.constants, **own}
+        own = {"names": self.names, "constants": self.constants, "let": self.let}
+        groups = {"states": states, **own}
         taken: list[str] = []
         problems = []
         for parameter, names in groups.items():

@@ -28,11 +28,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from blocks.core.expression_reader import Reader
 from blocks.core.expression_text import PARSING, ExpressionError, tree_of
 from blocks.core.expression_values import Value, Writer, Written, named_value, reached
 from blocks.core.scalar_functions import SCOPE
-from blocks.core.signals import SignalForm
+from blocks.core.signals import FloatArray, SignalForm
 
 Names = Mapping[str, Written]
 
@@ -108,6 +110,57 @@ def used_words(texts: Iterable[str], let: Mapping[str, str]) -> set[str]:
         waiting += [let[word] for word in more & let.keys()]
         words |= more
     return words
+
+
+def signed_distance(text: str) -> str:
+    """An expression that is above zero where a condition holds, and 0 or below where it does not.
+
+    ``x < 0 and v < 0`` becomes ``min(0 - x, 0 - v)``, whose zero can be located. What is no
+    comparison, as ``x`` or ``a == b``, becomes 1 or -1.
+
+    Raises
+    ------
+    ExpressionError : it is no expression.
+    """
+    return ast.unparse(_distance(tree_of(text), False))
+
+
+_OPPOSITE = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
+
+
+def _distance(node: ast.expr, is_negated: bool) -> ast.expr:
+    match node:
+        case ast.BoolOp(op=op, values=parts):
+            return _nearest([_distance(p, is_negated) for p in parts], op, is_negated)
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            return _distance(operand, not is_negated)
+        case ast.IfExp(test=test, body=body, orelse=other):
+            return ast.IfExp(test, _distance(body, is_negated), _distance(other, is_negated))
+        case ast.Compare(left=left, ops=ops, comparators=rest) if {*map(type, ops)} <= {*_OPPOSITE}:
+            values = [left, *rest]
+            parts = [
+                _side(a, _OPPOSITE[type(op)] if is_negated else type(op), b)
+                for a, op, b in zip(values[:-1], ops, rest, strict=True)
+            ]
+            return _nearest(parts, ast.And(), is_negated)
+    one, other = ast.Constant(1), ast.UnaryOp(ast.USub(), ast.Constant(1))
+    return ast.IfExp(node, *((other, one) if is_negated else (one, other)))
+
+
+def _side(left: ast.expr, kind: type[ast.cmpop], right: ast.expr) -> ast.expr:
+    """The distance of one comparison; where it holds for equal numbers, theirs is above zero."""
+    a, b = (left, right) if kind in (ast.Gt, ast.GtE) else (right, left)
+    difference = ast.BinOp(a, ast.Sub(), b)
+    if kind in (ast.Lt, ast.Gt):
+        return difference
+    return ast.IfExp(ast.Compare(a, [ast.NotEq()], [b]), difference, ast.Constant(1e-300))
+
+
+def _nearest(parts: list[ast.expr], op: ast.boolop, is_negated: bool) -> ast.expr:
+    if len(parts) == 1:
+        return parts[0]
+    name = "min" if isinstance(op, ast.And) != is_negated else "max"
+    return ast.Call(ast.Name(name, ast.Load()), parts, [])
 
 
 def function_text(
@@ -187,3 +240,16 @@ def _literals(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_literals(item) for item in value]
     return repr(float(value))
+
+
+def array_of(text: str) -> FloatArray:
+    """The numbers that an expression of numbers alone stands for: ``diag(1, 1, 0.1)``.
+
+    Raises
+    ------
+    ExpressionError : with the column and a suggestion.
+    ArithmeticError : it divides by zero, or inverts a singular matrix.
+    """
+    read = read_expressions([text], {})
+    values = function_from(function_text(read, (), "record"))()
+    return np.array(values).reshape(read.shapes[0])

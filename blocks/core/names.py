@@ -158,6 +158,9 @@ class Definitions(Setting):
         self.texts = {name: _text(value) for name, value in written.items()}
         self._written = dict(written)
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.texts)
+
     @classmethod
     def read(cls, written: Any) -> Definitions:
         if not isinstance(written, Mapping) or not all(isinstance(key, str) for key in written):

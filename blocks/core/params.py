@@ -15,7 +15,10 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from blocks.core.expression_text import ExpressionError
+from blocks.core.expressions import array_of
 from blocks.core.hints import hint
+from blocks.core.names import Names
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
@@ -154,7 +157,10 @@ class Param:
             converted = _CONVERT[self.kind](in_radians(value, self.units))
         except SettingError:
             raise
-        except (TypeError, ValueError, OverflowError) as error:
+        except (ExpressionError, ZeroDivisionError) as error:
+            quotes = "; in {...} it needs quotes" if value.count("(") > value.count(")") else ""
+            raise ValueError(f"{error} (in '{value[:60]}'){quotes}") from None
+        except (TypeError, ValueError, ArithmeticError) as error:
             if self.kind == "signal" and isinstance(value, str):
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
             text = f"expected {self.describe()}, got {show(value)}{self._number_hint(value)}"
@@ -303,6 +309,8 @@ def plain(value: Any) -> Any:
         return dict(value)
     if isinstance(value, Setting):
         return value.written()
+    if isinstance(value, SignalType) and value.rows:
+        return dict(value.rows)
     if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
         return value.name if value.symbol else str(value)
     return value
@@ -374,6 +382,11 @@ def _str(value: Any) -> str:
 
 
 def _signal(value: Any) -> SignalType:
+    if isinstance(value, Mapping):  # names of components with their units
+        rows = Names.read(value).rows
+        return replace(
+            signal_type("Scalar" if len(rows) == 1 else f"Vector({len(rows)})"), rows=rows
+        )
     return value if isinstance(value, SignalType) else signal_type(_str(value))
 
 
@@ -399,6 +412,8 @@ def _array(value: Any) -> FloatArray:
         if value.dtype.kind not in "fiu":
             raise TypeError
         return np.array(value, dtype=float)
+    if isinstance(value, str) and re.search(r"\w\s*\(|\[", value):
+        return array_of(value)
     if not isinstance(value, (list, tuple)):
         return np.array(_float(value))
     rows = [_array(item) for item in value]

@@ -56,6 +56,8 @@ def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = 
         update=_optional(cls, "update", {**inputs, **outputs}),
         derivative=_optional(cls, "derivative", {**inputs, **outputs}),
         projects=getattr(cls, "project", None) is not None,
+        guards=_optional(cls, "guards", {**inputs, **outputs}),
+        event=_optional(cls, "event", {**inputs, **outputs}),
     )
     # Where nothing typed is wired, as from Constant to Gain, only the user knows the type.
     if spec.generic and not own_variables and "signal" not in spec.params:
@@ -307,9 +309,12 @@ def _evaluation(
 def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
     parameters = inspect.signature(getattr(cls, method)).parameters
     names = list(parameters)
-    if len(names) < 3 or names[1:3] != ["state", "t"]:
-        raise DeclarationError(f"{cls.__name__}.{method} must start with (self, state, t, ...)")
-    for name in names[3:]:
+    first = ["state", "t", "which"] if method == "event" else ["state", "t"]
+    if names[1 : 1 + len(first)] != first:
+        text = f"{cls.__name__}.{method} must start with (self, {', '.join(first)}, ...)"
+        raise DeclarationError(text)
+    taken = names[1 + len(first) :]
+    for name in taken:
         if parameters[name].kind is not inspect.Parameter.POSITIONAL_OR_KEYWORD:
             raise DeclarationError(
                 f"{cls.__name__}.{method}: name each port, in place of {parameters[name]}; "
@@ -320,4 +325,4 @@ def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
                 f"{cls.__name__}.{method}: '{name}' is not a port it can read"
                 f"{hint(name, ports)} ({', '.join(ports) or 'none'})"
             )
-    return tuple(names[3:])
+    return tuple(taken)

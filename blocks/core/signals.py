@@ -80,7 +80,13 @@ class SignalType:
 
     def sized(self, length: Length) -> SignalType:
         """The same type with another length."""
-        return replace(self, length=length)
+        return replace(self, length=length, rows=self.rows if length == self.length else ())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the components of a record, a table or a vector; numbers without any."""
+        own = self.components or tuple(name for name, _ in self.rows)
+        return own or tuple(map(str, range(self.shape[0] if self.shape else 0)))
 
     def pack(self, array: FloatArray) -> SignalValue:
         """Turn an array of this type's shape into a signal value (arrays are copied)."""
@@ -102,6 +108,8 @@ class SignalType:
         """Index of a component by name (records) or number (arrays of one dimension)."""
         if self.form == "record":
             return self.components.index(component) if component in self.components else None
+        if self.form == "array" and self.rows and component in self.names:
+            return self.names.index(component)
         if self.form == "array" and not self.components and re.fullmatch("[0-9]+", component):
             index = int(component)
             return index if not isinstance(self.length, int) or index < self.length else None

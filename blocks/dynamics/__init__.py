@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from blocks.dynamics.attitude import QuaternionIntegrator
     from blocks.dynamics.delays import Delay, Hold, MovingAverage
     from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
     from blocks.dynamics.extended_kalman import ExtendedKalmanFilter
@@ -28,5 +29,12 @@ else:
 __all__ = ["PID", "Butterworth", "DiscreteSystem"]
 __all__ += ["Delay", "Derivative", "DiscreteIntegrator", "DiscretePID", "DiscreteStateSpace"]
 __all__ += ["DiscreteTransferFunction", "DynamicSystem", "ExtendedKalmanFilter", "Hold"]
-__all__ += ["Integrator", "KalmanFilter", "MovingAverage", "SecondOrder", "StateSpace"]
+__all__ += [
+    "Integrator",
+    "KalmanFilter",
+    "MovingAverage",
+    "QuaternionIntegrator",
+    "SecondOrder",
+    "StateSpace",
+]
 __all__ += ["TransferFunction", "ZeroPoleGain"]

@@ -120,8 +120,7 @@ class Delay(_Ring):
     delay: float = param(unit="s", above=0.0, doc="by how much, at least one step")
 
     ring = State("rows", like="out", ring="head", doc="the last inputs, one row per tick")
-    head = State(1, doc="how many inputs were written")
-    latest = State(1, unit="s", doc="the time of the last of them")
+    head = State(2, doc="how many inputs were written, and the time of the last (s)")
 
     @property
     def recalls(self) -> tuple[str, ...]:
@@ -145,18 +144,18 @@ class Delay(_Ring):
         part = steps - state.whole
         state.part = part if part > WHOLE else 0.0
         state.moves = "input" in state.context.moving
-        state.latest[0] = -state.dt
+        state.head[1] = -state.dt
 
     def resume(self, state: BlockState) -> None:
         # The time of an earlier run, which this one begins anew.
-        state.latest[0] = -state.dt
+        state.head[1] = -state.dt
 
     def output(self, state: BlockState, t: float) -> Any:
         out = np.empty(state.size)
         if state.moves:
             # Steps from the last input to t: 0 to 1 at a solver's stages, and 1 at the tick, which
             # is before its own input is written. More if the block's part was off.
-            since = (t - state.latest[0]) / state.dt
+            since = (t - state.head[1]) / state.dt
             back = state.whole + state.part - (since if since < 1.0 - WHOLE else 1.0)
             for i in range(state.size):
                 out[i] = recalled(state.cells, int(state.head[0]), back, i, state.first[i])
@@ -171,7 +170,7 @@ class Delay(_Ring):
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
         self.append(state, input)
-        state.latest[0] = t
+        state.head[1] = t
 
 
 def recalled(cells: FloatArray, head: int, back: float, i: int, first: float) -> float:

@@ -23,6 +23,7 @@ from blocks.core import (
     Vector,
     param,
 )
+from blocks.dynamics.discretization import sampled_matrices
 
 
 class LinearSystem(Block, ABC):
@@ -185,6 +186,9 @@ class StateSpace(_Matrices, ContinuousSystem):
     Vector. With D = 0, the default, ``out`` depends on the state alone and breaks loops.
     """
 
+    def discretized(self, method: str, step: float) -> Block:
+        return sampled_system(self, method, step)
+
 
 class DiscreteStateSpace(_Matrices):
     """A linear system in discrete time with n states, m inputs and p outputs.
@@ -202,6 +206,26 @@ class DiscreteStateSpace(_Matrices):
         after = self.following(state, input)
         for i in range(len(state.x)):
             state.x[i] = after[i]
+
+
+def sampled_system(system: ContinuousSystem, method: str, step: float) -> DiscreteStateSpace:
+    """A linear system in discrete time.
+
+    Raises
+    ------
+    ParameterError : the method is for transfer functions only.
+    """
+    if method == "matched":
+        message = "matched is for transfer functions of a degree up to 4; take tustin or zoh"
+        raise ParameterError([("", message)])
+    a, b, c, d = sampled_matrices(system.matrices, method, step)
+    first = system.first
+    if method == "tustin":
+        # The sampled state is (1 - A step / 2) x: C differs, and the outputs agree.
+        first = first - 0.5 * step * system.matrices[0] @ first
+    x0 = {"x0": first.tolist()} if first.any() else {}
+    numbers = {"A": a.tolist(), "B": b.tolist(), "C": c.tolist(), "D": d.tolist()}
+    return DiscreteStateSpace(**numbers, **x0)
 
 
 def _size(matrix: FloatArray) -> str:

@@ -1,4 +1,9 @@
-"""PID controllers, in continuous and in discrete time."""
+"""PID controllers, in continuous and in discrete time.
+
+An error goes in, a control signal comes out; gains in three structures are those of one::
+
+    pid: {type: PID, structure: ideal, kp: 2, ki: 0.5, kd: 0.1}  # 2 (1 + 0.5 / s + 0.1 s)
+"""
 
 from __future__ import annotations
 
@@ -24,6 +29,10 @@ from blocks.core import (
 from blocks.core.portable import flush, flush_due
 from blocks.dynamics.delays import Recalling
 
+STRUCTURES = ("parallel", "ideal", "series")
+# The share of an integral's step that this tick's error adds to this tick's output, by rule.
+NOW = {"backward": 1.0, "tustin": 0.5, "zoh": 0.0}
+
 
 class PID(Block):
     """A PID controller for any signal, with limits and anti-windup.
@@ -35,6 +44,10 @@ class PID(Block):
     the integral stays near what the limits allow (anti-windup by back-calculation; Astrom and
     Hagglund, PID Controllers, 1995, section 3.5). Where ``reset`` is above 0.5 at a tick, both
     states go to their initial values. The path-following controller is a PathPID.
+
+    This is the ``parallel`` structure, kp + ki / s + kd s; ``ideal`` (the standard form) is
+    kp (1 + ki / s + kd s) with ki = 1 / Ti and kd = Td, ``series`` kp (1 + ki / s) (1 + kd s);
+    the s of a derivative stands for n s / (s + n). They are converted to the first.
     """
 
     error = Input(Same("T"), doc="reference minus measurement")
@@ -44,6 +57,7 @@ class PID(Block):
     kp: float = param(1.0, doc="proportional gain")
     ki: float = param(0.0, doc="integral gain, per second")
     kd: float = param(0.0, doc="derivative gain, seconds")
+    structure: str = param("parallel", choices=STRUCTURES, doc="what the gains multiply")
     n: float = param(100.0, unit="1/s", above=0.0, doc="bandwidth of the derivative's filter")
     lower: float = param(-math.inf, finite=False, doc="lower limit of each component")
     upper: float = param(math.inf, finite=False, doc="upper limit of each component")
@@ -67,13 +81,14 @@ class PID(Block):
         state.size = kind.shape[0] if kind.shape else 1
         state.integral[...] = self.initial
         state.i, state.f = state.integral.reshape(-1), state.filtered.reshape(-1)
-        state.tracking = tracking_of(self.tracking, self.kp, self.ki)
+        state.kp, state.ki, state.kd = parallel(self.structure, self.kp, self.ki, self.kd, self.n)
+        state.tracking = tracking_of(self.tracking, state.kp, state.ki)
 
     def unlimited(self, state: BlockState, e: float, j: int) -> float:
         """One component before the limits."""
         # kd s / (1 + s / n) without a derivative of e, which a signal of steps does not have.
-        slope = self.kd * self.n * (e - state.f[j])
-        return float(self.kp * e + state.i[j] + slope)
+        slope = state.kd * self.n * (e - state.f[j])
+        return float(state.kp * e + state.i[j] + slope)
 
     def limited(self, v: float) -> float:
         """A value within the limits."""
@@ -82,7 +97,7 @@ class PID(Block):
     def rate(self, state: BlockState, e: float, j: int) -> float:
         """The rate of change of the integral."""
         v = self.unlimited(state, e, j)
-        return float(self.ki * e + state.tracking * (self.limited(v) - v))
+        return float(state.ki * e + state.tracking * (self.limited(v) - v))
 
     def output(self, state: BlockState, t: float, error: Any) -> Any:
         if state.form == "scalar":
@@ -93,6 +108,11 @@ class PID(Block):
         if state.form == "array":
             return out
         return state.pack(out)
+
+    def discretized(self, method: str, step: float) -> Block:
+        if method == "matched":
+            raise ParameterError([("", "a PID has no matched form; take tustin or zoh")])
+        return DiscretePID(**{**self.parameters(), "n": self.n, "method": method})
 
     def update(self, state: BlockState, t: float, reset: float) -> None:
         if reset > 0.5:
@@ -120,7 +140,8 @@ class DiscretePID(Recalling):
     a filter of bandwidth n, d_k = (d_k-1 + kd n (e_k - e_k-1)) / (1 + n h) (Astrom and Wittenmark,
     Computer-Controlled Systems, 1997, section 8.5). out = min(max(v, lower), upper), and then
     i_k += tracking h (out - v). Before the first tick the error was ``initial_error``. Where
-    ``reset`` is above 0.5, the controller begins anew at the next tick.
+    ``reset`` is above 0.5, the controller begins anew at the next tick. By ``method`` it is a PID
+    sampled by Tustin's rule, or exactly for errors that hold between its ticks (zoh).
     """
 
     signal = Input(Same("T"), name="error", doc="reference minus measurement")
@@ -130,6 +151,8 @@ class DiscretePID(Recalling):
     kp: float = param(1.0, doc="proportional gain")
     ki: float = param(0.0, doc="integral gain, per second")
     kd: float = param(0.0, doc="derivative gain, seconds")
+    structure: str = param("parallel", choices=STRUCTURES, doc="what the gains multiply, as in PID")
+    method: str = param("backward", choices=tuple(NOW), doc="rule of integral and derivative")
     n: float | None = param(
         None, unit="1/s", above=0.0, doc="bandwidth of the derivative's filter; default no filter"
     )
@@ -147,16 +170,27 @@ class DiscretePID(Recalling):
 
     def validate(self) -> None:
         check_limits(self.lower, self.upper)
+        if self.n is None and self.kd and self.method != "backward":
+            raise ParameterError([("n", f"missing; the derivative of {self.method} has a filter")])
 
     def start(self, state: BlockState) -> None:
         super().start(state)
         state.i, state.d = state.integral.reshape(-1), state.slope.reshape(-1)
         state.e = state.previous.reshape(-1)
-        state.tracked = tracking_of(self.tracking, self.kp, self.ki) * state.dt
         # Without a filter, n is infinite: nothing is left of the last slope.
-        bandwidth = math.inf if self.n is None else self.n
-        state.kept = 1.0 / (1.0 + bandwidth * state.dt)
-        state.rise = self.kd / (1.0 / bandwidth + state.dt)
+        n = math.inf if self.n is None else self.n
+        state.kp, ki, kd = parallel(self.structure, self.kp, self.ki, self.kd, n)
+        state.tracked = tracking_of(self.tracking, state.kp, ki) * state.dt
+        # All rules are d_k = kept d_k-1 + rise (e_k - e_k-1), and an integral of which a share of
+        # this tick's error counts at once.
+        state.kept, state.rise = 1.0 / (1.0 + n * state.dt), kd / (1.0 / n + state.dt)
+        if self.method == "tustin" and kd:
+            state.kept = (2.0 - n * state.dt) / (2.0 + n * state.dt)
+            state.rise = 2.0 * kd * n / (2.0 + n * state.dt)
+        elif self.method == "zoh" and kd:
+            state.kept, state.rise = math.exp(-n * state.dt), kd * n
+        state.step = ki * state.dt
+        state.now = state.step * NOW[self.method]
         self.begin(state)
 
     def begin(self, state: BlockState) -> None:
@@ -167,7 +201,7 @@ class DiscretePID(Recalling):
     def unlimited(self, state: BlockState, e: float, j: int) -> float:
         """One component before the limits."""
         slope = state.kept * state.d[j] + state.rise * (e - state.e[j])
-        return float(self.kp * e + state.i[j] + self.ki * state.dt * e + slope)
+        return float(state.kp * e + state.i[j] + state.now * e + slope)
 
     def output(self, state: BlockState, t: float, error: Any) -> Any:
         out = np.zeros(state.size)
@@ -186,12 +220,25 @@ class DiscretePID(Recalling):
         for j in range(state.size):
             # With the states of this tick's output, before any of them moves.
             excess = self.unlimited(state, e[j], j) - limited[j]
-            state.i[j] += self.ki * state.dt * e[j] - state.tracked * excess
+            state.i[j] += state.step * e[j] - state.tracked * excess
             state.d[j] = state.kept * state.d[j] + state.rise * (e[j] - state.e[j])
             state.e[j] = e[j]
         if flush_due(t, state.dt):
             flush(state.integral)
             flush(state.slope)
+
+
+def parallel(
+    structure: str, kp: float, ki: float, kd: float, n: float
+) -> tuple[float, float, float]:
+    """The gains of the parallel structure that computes the same.
+
+    In the series structure, ki / s times kd n s / (s + n) is ki kd (1 - s / (s + n)): a share of
+    the proportional part, and less of the derivative. It is so in discrete time, too.
+    """
+    if structure == "series":
+        return kp * (1.0 + ki * kd), kp * ki, kp * kd * (1.0 - ki / n)
+    return (kp, kp * ki, kp * kd) if structure == "ideal" else (kp, ki, kd)
 
 
 def check_limits(lower: float, upper: float) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, ClassVar
+
+import numpy as np
 
 from blocks.core import (
     BlockContext,
@@ -23,10 +26,14 @@ from blocks.core import (
     function_text,
     items,
     param,
+    signed_distance,
     value_type,
     width_of,
     wrong_size,
 )
+from blocks.dynamics.events import Happening, Happenings
+
+SIGNS = {"rising": 1.0, "falling": -1.0, "either": 0.0}
 
 
 class _System(Equations, ABC):
@@ -89,11 +96,11 @@ class _System(Equations, ABC):
         for name, got in self.sizes_of(written, count).items():
             if name == "output" and got != width_of(self.resolved):
                 problems.append(("signal", f"expected a type of {got} components"))
-            elif name == "when" and got != 1:
+            elif name.endswith("when") and got != 1:
                 problems.append((name, f"expected a condition, got {got} components"))
             elif name == next(iter(written)) and got != n:
                 problems.append(("initial", f"expected {got} number(s), one per state, got {n}"))
-            elif name not in ("output", "when") and got != n:
+            elif not name.endswith(("output", "when")) and got != n:
                 problems.append((name, wrong_size(written[name], n, got, "state")))
         if problems:
             raise ParameterError(problems)
@@ -147,10 +154,11 @@ class DynamicSystem(_System):
         u ─▶ [ DynamicSystem ] ─▶ out
 
     x' = derivative(x, u, t), x(0) = initial; out = x, or the expressions of ``output``. States are
-    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: at each tick
-    at which that condition holds, the states become the values of ``then``, as when a ball bounces.
-    Events are not located between ticks: one acts up to a step late, so ``run.dt`` is its accuracy.
-    ``out`` depends on inputs directly only if an expression of ``output`` names u.
+    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: where that
+    condition becomes true, the states become the values of ``then``, as when a ball bounces;
+    ``events`` lists several. The time is located between ticks; with ``run: {events: ticks}``, an
+    event acts at each tick at which its condition holds. ``out`` depends on inputs directly only if
+    an expression of ``output`` names u.
     """
 
     rates: tuple[str, ...] = param(
@@ -160,8 +168,25 @@ class DynamicSystem(_System):
     then: tuple[str, ...] | None = param(
         None, doc="the states after an event, one expression per state"
     )
+    happenings: Happenings | None = param(
+        None,
+        name="events",
+        doc="several events: [{when: x < 0, then: [0, -v]}, ...]; each acts as its condition "
+        "becomes true, or with 'direction: falling' false, or 'either'",
+    )
 
     x = State("n", name="x", continuous=True, doc="the states")
+    was = State("e", name="was", doc="1 where an event's condition held on the last tick, else -1")
+
+    def sizes(self) -> dict[str, int]:
+        known = self.__dict__.keys() >= {"initial", "when", "then", "happenings"}
+        return {**super().sizes(), **({"e": len(self.list_of_events)} if known else {})}
+
+    @cached_property
+    def list_of_events(self) -> tuple[Happening, ...]:
+        """All events, in order."""
+        first = () if self.when is None else (Happening(self.when, self.then or ()),)
+        return (*first, *(() if self.happenings is None else self.happenings.items))
 
     def problems(self) -> list[tuple[str, str]]:
         problems = super().problems()
@@ -172,27 +197,64 @@ class DynamicSystem(_System):
 
     @property
     def written(self) -> dict[str, tuple[str, ...]]:
-        when = (self.when,) if self.when is not None else None
-        written = {"derivative": self.rates, "output": self.results, "when": when}
-        return {name: texts for name, texts in {**written, "then": self.then}.items() if texts}
+        written = {"derivative": self.rates, "output": self.results or ()}
+        for i, each in enumerate(self.list_of_events, -(self.when is not None)):
+            place = "" if i < 0 else f"events.{i}."
+            written |= {f"{place}when": (each.when,), f"{place}then": each.then}
+        return {name: texts for name, texts in written.items() if texts}
 
     def start(self, state: BlockState) -> None:
         super().start(state)
         state.rates = self.compiled(state, "derivative", self.rates)
-        state.has_event = self.when is not None
-        state.condition = self.compiled(state, "when", (self.when or "0",), "scalar")
-        state.jump = self.compiled(state, "then", self.then or ("0",) * state.n)
+        events = self.list_of_events
+        state.events = len(events)
+        state.directions = np.array([SIGNS[each.direction] for each in events])
+        state.was[...] = math.nan
+        try:
+            texts = [signed_distance(each.when) for each in events] or ["0"]
+            state.distances = self.compiled(state, "when", texts)
+        except ParameterError:  # what is written out is too long; the condition itself is not
+            texts = [f"1 if {each.when} else -1" for each in events]
+            state.distances = self.compiled(state, "when", texts)
+        # One function for all events, of which ``which`` is the number.
+        after = [text for each in events for text in items("then", each.then)]
+        count = len(state.context.terms["u"])
+        read = self.read(after or [("then", "0")] * state.n, count)
+        values = read.values[-state.n :]
+        for k in range(len(events) - 2, -1, -1):
+            own = read.values[k * state.n : (k + 1) * state.n]
+            pairs = zip(own, values, strict=True)
+            values = tuple(f"({text}) if which < {k + 0.5} else ({rest})" for text, rest in pairs)
+        read = Expressions(read.lines, values, ((state.n,),))
+        state.jump = function_from(function_text(read, (*self.arguments, "which"), "array"))
+
+    def crossings(self, context: BlockContext) -> list[str]:
+        return [each.direction for each in self.list_of_events]
+
+    def guards(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
+        distances: FloatArray = state.distances(t, tuple(state.x.tolist()), u, state.constants)
+        return distances
+
+    def event(self, state: BlockState, t: float, which: float, u: tuple[float, ...]) -> None:
+        # All values before any is written: each expression sees the states before the event.
+        after = state.jump(t, tuple(state.x.tolist()), u, state.constants, which)
+        for i in range(state.n):
+            state.x[i] = after[i]
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
-        if state.has_event and self.happens(state, t, u):
-            # All values before any is written: each expression sees the states before the event.
-            after = state.jump(t, tuple(state.x.tolist()), u, state.constants)
-            for i in range(state.n):
-                state.x[i] = after[i]
+        for k in range(state.events):
+            distances = state.distances(t, tuple(state.x.tolist()), u, state.constants)
+            now = 1.0 if distances[k] > 0.0 else -1.0
+            changes = now * state.was[k] < 0.0
+            if (now > 0.0 and state.directions[k] > 0.0) or (
+                changes and now * state.directions[k] >= 0.0
+            ):
+                self.event(state, t, float(k), u)
+            state.was[k] = now
 
-    def happens(self, state: BlockState, t: float, u: tuple[float, ...]) -> bool:
-        """Whether the event's condition holds."""
-        return bool(state.condition(t, tuple(state.x.tolist()), u, state.constants) != 0.0)
+    @property
+    def state_names(self) -> dict[str, tuple[str, ...]]:
+        return {"x": tuple(name for name, _ in self.states.rows)} if self.states else {}
 
     def couplings(self, context: BlockContext) -> list[set[int]]:
         read = self.read(items("derivative", self.rates), self.input_count(context))

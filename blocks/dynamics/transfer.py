@@ -27,8 +27,11 @@ from blocks.core import (
     check_sized,
     param,
 )
-from blocks.dynamics.discrete import check_rational
-from blocks.dynamics.linear import ContinuousSystem
+from blocks.dynamics.discrete import DiscreteTransferFunction, check_rational
+from blocks.dynamics.discretization import sampled_rational
+from blocks.dynamics.linear import ContinuousSystem, sampled_system
+
+READABLE = 4  # the degree up to which a sampled system is written as a transfer function
 
 
 class _Rational(ContinuousSystem, ABC):
@@ -41,6 +44,14 @@ class _Rational(ContinuousSystem, ABC):
 
     def sizes(self) -> dict[str, int]:
         return {"n": max(1, len(self.rational[1]) - 1)}
+
+    def discretized(self, method: str, step: float) -> Block:
+        numerator, denominator = self.rational
+        # Coefficients of a higher degree lose too many digits.
+        if len(denominator) - 1 > READABLE:
+            return sampled_system(self, method, step)
+        b, a = sampled_rational(numerator, denominator, method, step)
+        return DiscreteTransferFunction(numerator=b.tolist(), denominator=a.tolist())
 
     @property
     def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

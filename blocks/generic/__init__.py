@@ -14,7 +14,14 @@ if TYPE_CHECKING:
     from blocks.generic.functions import Function
     from blocks.generic.mathematics import Compare, Logic, Norm, Product, Wrap
     from blocks.generic.memory import Lowpass, UnitDelay
-    from blocks.generic.routing import Concatenate, MultiportSwitch, Select
+    from blocks.generic.rotations import (
+        Cross,
+        MatrixMultiply,
+        Normalize,
+        QuaternionMultiply,
+        Rotate,
+    )
+    from blocks.generic.routing import Broadcast, Concatenate, MultiportSwitch, Select
 else:
     __getattr__ = door(__name__)
 
@@ -33,3 +40,4 @@ __all__ = [
 ]
 __all__ += ["MultiportSwitch", "Mux", "Norm", "Product", "Select", "Sum", "Switch"]
 __all__ += ["Trigger", "UnitDelay", "Wrap", "added", "scaled"]
+__all__ += ["Broadcast", "Cross", "MatrixMultiply", "Normalize", "QuaternionMultiply", "Rotate"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from blocks.core import (
     TwistValue,
     Vector,
     as_matrix,
+    kernel_of,
     param,
     times,
 )
@@ -108,7 +110,11 @@ class Sum(Block):
 
 def added(a: Any, b: Any) -> Any:
     """The sum of two values of one signal type, in the signal's own form."""
-    # A list inside: for two or three components, a generator costs more than the sums.
+    return tuple(map(add, a, b)) if isinstance(a, tuple) else a + b
+
+
+@kernel_of(added)
+def _added_kernel(a: Any, b: Any) -> Any:
     if isinstance(a, tuple):
         return tuple([x + y for x, y in zip(a, b, strict=True)])
     return a + b
@@ -116,6 +122,7 @@ def added(a: Any, b: Any) -> Any:
 
 def scaled(value: Any, factor: float) -> Any:
     """A signal value times a number, in the signal's own form."""
+    # A list inside: for two or three components, a generator costs more than the products.
     if isinstance(value, tuple):
         return tuple([factor * part for part in value])
     return factor * value

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from blocks.core import BlockState, Input, Output, PartEnable, Scalar, State, param
+import numpy as np
+
+from blocks.core import (
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    PartEnable,
+    Scalar,
+    State,
+    param,
+)
 
 EDGES = ("rising", "falling", "either")
 
@@ -12,7 +24,8 @@ class Enable(PartEnable):
 
         input ─▶ [ Enable ] ─▶ on
 
-    on = 1 if input > 0, otherwise 0; it is decided at ticks. While it is 0, nothing in the part is
+    on = 1 if input > 0, otherwise 0. It is decided at ticks, and where the input is continuous, at
+    the times between them at which it changes its sign. While it is 0, nothing in the part is
     computed: outputs hold their last values, zero before the part first ran, and states hold, the
     derivatives of continuous ones being zero. With ``while_off: reset``, outputs are zero and
     states have their initial values, which an output that depends on states alone shows from the
@@ -33,6 +46,12 @@ class Enable(PartEnable):
     def output(self, state: BlockState, t: float, input: float) -> float:
         return 1.0 if input > 0.0 else 0.0
 
+    def crossings(self, context: BlockContext) -> tuple[str, ...]:
+        return ("either",)
+
+    def guards(self, state: BlockState, t: float, input: float) -> FloatArray:
+        return np.array([input])
+
 
 class Trigger(PartEnable):
     """Run the part that this block is in once, on each tick on which a signal changes its sign.
@@ -41,7 +60,8 @@ class Trigger(PartEnable):
 
     on = 1 if input is positive and was not on the last tick (rising), the other way round
     (falling), or both; otherwise 0. The input before the first tick counts as zero. Outputs and
-    states hold in between. (A triggered subsystem of Simulink.)
+    states hold in between. Where the input is continuous, the part runs at the time between ticks
+    at which the sign changes. (A triggered subsystem of Simulink.)
     """
 
     momentary = True
@@ -63,3 +83,9 @@ class Trigger(PartEnable):
 
     def update(self, state: BlockState, t: float, input: float) -> None:
         state.before[...] = 1.0 if input > 0.0 else 0.0
+
+    def crossings(self, context: BlockContext) -> tuple[str, ...]:
+        return ("either",)
+
+    def guards(self, state: BlockState, t: float, input: float) -> FloatArray:
+        return np.array([input])

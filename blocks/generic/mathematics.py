@@ -145,7 +145,8 @@ class Compare(Block):
         input, other ─▶ [ Compare ] ─▶ out
 
     out = 1 where ``input operator other`` holds, and 0 elsewhere. An ``other`` that is not wired
-    is ``value``.
+    is ``value``. Where the signals are continuous, the times at which out changes are located
+    between ticks (not those of == and !=).
     """
 
     signal = Input(Scalar, name="input", doc="left of the operator")
@@ -170,6 +171,16 @@ class Compare(Block):
         else:
             holds = input != right
         return 1.0 if holds else 0.0
+
+    def crossings(self, context: BlockContext) -> tuple[str, ...]:
+        return () if self.operator in ("==", "!=") else ("either",)
+
+    def guards(self, state: BlockState, t: float, input: float, other: float) -> FloatArray:
+        distance = input - (other + self.number)
+        # Equal numbers belong to those above, or to those below.
+        if distance == 0.0 and (self.operator == ">=" or self.operator == "<"):
+            distance = 1e-300
+        return np.array([distance])
 
 
 class Logic(Block):

@@ -65,6 +65,34 @@ class Select(Block):
         return out
 
 
+class Broadcast(Block):
+    """A number for every component of a vector, such as one current into all neurons.
+
+        input ─▶ [ Broadcast ] ─▶ out
+
+    out[i] = input, for as many components as what it is wired to takes.
+    """
+
+    number = Input(Scalar, name="input", doc="the number")
+    out = Output(Vector("n"), doc="the number in all components")
+
+    n: int | None = param(
+        None, at_least=1, doc="how many components; default what it is wired to takes"
+    )
+
+    def sizes(self) -> dict[str, int]:
+        return {} if self.__dict__.get("n") is None else {"n": self.n or 0}
+
+    def start(self, state: BlockState) -> None:
+        state.n = state.context.types["out"].shape[0]
+
+    def output(self, state: BlockState, t: float, input: float) -> FloatArray:
+        out = np.empty(state.n)
+        for i in range(state.n):
+            out[i] = input
+        return out
+
+
 class MultiportSwitch(Block):
     """Pass on one of many signals, by its number.
 

@@ -27,9 +27,17 @@ from blocks.core import (
     param,
     portable,
 )
+from blocks.core.polynomials import any_order, expm1
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
-from blocks.neural.lif import lif_rate_step, lif_step, lif_steps
+from blocks.neural.lif import (
+    lif_rate_step,
+    lif_step,
+    lif_steps,
+    marked,
+    risen,
+    wake_and_spike,
+)
 from blocks.neural.rules import follow, pes_step, smooth
 from blocks.neural.stacks import LearnerStack
 
@@ -170,14 +178,8 @@ class LearningEnsemble(Learner):
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
         current, offset = state.current, state.offset
-        first = state.encoder_rows[0]
-        for i in range(len(current)):
-            current[i] = first[i] * input[0]
-        for j in range(1, len(input)):
-            encoder = state.encoder_rows[j]
-            for i in range(len(current)):
-                current[i] += encoder[i] * input[j]
-        for i in range(len(current)):
+        add_up(current, state.encoder_rows, input)
+        for i in any_order(len(current)):
             current[i] += offset[i]
         self._respond(state)
         gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
@@ -205,6 +207,17 @@ class LearningEnsemble(Learner):
         cls, blocks: Sequence[Any], states: Sequence[BlockState], arrays: Mapping[str, FloatArray]
     ) -> LearnerStack:
         return LearnerStack(blocks, states, arrays)
+
+
+def add_up(current: FloatArray, rows: FloatArray, input: FloatArray) -> None:
+    """current = encoders @ input, the encoders in rows (d, n), in compiled code."""
+    first = rows[0]
+    for i in any_order(len(current)):
+        current[i] = first[i] * input[0]
+    for j in range(1, len(input)):
+        encoder = rows[j]
+        for i in any_order(len(current)):
+            current[i] += encoder[i] * input[j]
 
 
 @final
@@ -284,8 +297,33 @@ class AdaptiveEnsemble(LearningEnsemble):
         flush(state.activity)
         flush(state.weights)
 
-    # Its start extends that of LearningEnsemble without changing what this kernel depends on.
-    _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)
+    # As LearningEnsemble's, with encoding, the common part of a step and the synapse in one pass.
+    @kernel_of(LearningEnsemble.update)
+    def _update_kernel(
+        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
+    ) -> None:
+        current, activity, spikes = state.current, state.activity, state.spikes
+        voltage, refractory, dt = state.voltage, state.refractory, state.dt
+        first, offset, fade = state.encoder_rows[0], state.offset, state.fade
+        n, full = len(current), expm1(np.divide(-dt, state.constants[0]))
+        if len(input) > 1:
+            add_up(current, state.encoder_rows, input)
+        marks = np.empty(n, dtype=np.int64)
+        for i in any_order(n):
+            drive = (current[i] if len(input) > 1 else first[i] * input[0]) + offset[i]
+            left = refractory[i] - dt
+            v = risen(voltage[i], drive, full if left <= 0.0 else 0.0)
+            current[i], refractory[i], voltage[i], spikes[i] = drive, left, v, 0.0
+            activity[i] *= fade
+            marks[i] = marked(v, left, dt)
+        few = wake_and_spike(dt, current, spikes, voltage, refractory, state.constants, marks)
+        for j in range(len(few)):
+            at = max(few[j], 0)
+            activity[at] += state.pass_on * spikes[at]
+        gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
+        pes_step(state.weights, activity, error, gamma, keep)
+        if flush_due(t, dt):
+            self._flush(state)
 
 
 @final

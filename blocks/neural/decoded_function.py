@@ -14,6 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from blocks.core import (
+    Constants,
+    Definitions,
     ExpressionError,
     FloatArray,
     Setting,
@@ -21,6 +23,8 @@ from blocks.core import (
     expression_function,
     show,
 )
+
+OwnNames = tuple[Constants | None, Definitions | None]
 
 
 class PointError(ArithmeticError):
@@ -49,12 +53,17 @@ class DecodedFunction(Setting):
     def written(self) -> Any:
         return self.texts if isinstance(self.texts, str) else list(self.texts)
 
-    @property
-    def components(self) -> int:
-        """The length of the value."""
-        return 1 if isinstance(self.texts, str) else len(self.texts)
+    def components(self, d: int, own: OwnNames) -> int:
+        """The length of the value at a point of d dimensions, as far as the expressions are valid.
 
-    def of_points(self, points: FloatArray) -> FloatArray:
+        ``own`` are the constants and definitions that the expressions name.
+        """
+        try:
+            return int(np.size(self._function(d, own)([0.5] * d)))
+        except (ArithmeticError, ValueError):
+            return 1 if isinstance(self.texts, str) else len(self.texts)
+
+    def of_points(self, points: FloatArray, own: OwnNames) -> FloatArray:
         """The values (m, components) at points (m, d).
 
         Raises
@@ -62,8 +71,8 @@ class DecodedFunction(Setting):
         SettingError : an expression is wrong for d dimensions.
         PointError : naming a point where the function fails.
         """
-        function = self._function(points.shape[1])
-        values = np.empty((len(points), self.components))
+        function = self._function(points.shape[1], own)
+        values = np.empty((len(points), self.components(points.shape[1], own)))
         for i, point in enumerate(points.tolist()):
             try:
                 values[i] = function(point)
@@ -73,20 +82,23 @@ class DecodedFunction(Setting):
                 raise PointError(_failed(point, f"the value is {values[i].tolist()}"))
         return values
 
-    def _function(self, d: int) -> Callable[[Any], Any]:
+    def _function(self, d: int, own: OwnNames) -> Callable[[Any], Any]:
+        constants = own[0].values if own[0] else {}
+        let = own[1].texts if own[1] else {}
         try:
             # In one dimension people write x, and x[0] must be right as well: the second reading is
             # tried where the first is not an expression of a number.
             if d == 1:
                 try:
-                    scalar = expression_function(self.texts, {"x": None})
+                    scalar = expression_function(self.texts, {"x": None}, constants, let)
                 except ExpressionError:
                     pass
                 else:
                     return lambda point: scalar(point[0])
-            return expression_function(self.texts, {"x": d})
+            return expression_function(self.texts, {"x": d}, constants, let)
         except ExpressionError as error:
-            raise SettingError([("", str(error))]) from None
+            where = f"{error.place}: " if isinstance(error.place, str) else ""
+            raise SettingError([("", f"{where}{error}")]) from None
 
 
 def _text(item: Any) -> str:

@@ -261,7 +261,8 @@ class DecoderStack:
             follow(arrays["activity"], spikes, self.quick)
         if self.learns:
             pending = arrays["pending"]
-            pes_each(arrays["weights"], arrays["activity"], self.gamma * pending)
+            scaled = self.gamma * pending
+            pes_each(arrays["weights"], arrays["activity"][:, None], scaled[:, :, None])
             pending[:] = 0.0
             factor = np.array(learn)[:, None]
             for term in error:

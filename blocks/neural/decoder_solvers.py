@@ -49,6 +49,22 @@ class L2(DecoderSolver, label="l2"):
         return ridge(a, y, self.reg * float(a.max(initial=0.0)))
 
 
+class L2NonZero(DecoderSolver, label="l2_nz"):
+    """L2 with c_i = m (reg max A)^2 p_i for neuron i, p_i the share of points at which it fires.
+
+    Neurons that fire at few points are regularised less.
+    """
+
+    reg: float = param(0.1, at_least=0.0, doc="regularisation, as a share of the largest rate")
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        gram = _regularised(a, nonzero(a, self.reg))
+        try:
+            return np.asarray(np.linalg.solve(gram, products(a.T, y)), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            raise SingularError(_singular(a)) from None
+
+
 class L2Noise(DecoderSolver, label="l2_noise"):
     """Least squares on activities with normal noise, which regularises as L2 does."""
 
@@ -69,6 +85,32 @@ class NNLS(DecoderSolver, label="nnls"):
         from scipy.optimize import nnls  # scipy stays off the start-up path
 
         return np.stack([nnls(a, target)[0] for target in y.T], axis=1)
+
+
+class NNLSL2(DecoderSolver, label="nnls_l2"):
+    """min |G D - A'Y| with D >= 0, G = A'A + m (reg max A)^2 I: as L2, but no weight is negative.
+
+    Where Y is negative, it counts as 0. So is Nengo's NnlsL2, by comparison of results.
+    """
+
+    reg: float = param(0.1, at_least=0.0, doc="regularisation, as a share of the largest rate")
+
+    def sigma(self, a: FloatArray) -> FloatArray:
+        """The regularisation of each neuron (n,)."""
+        return np.full(a.shape[1], self.reg * float(a.max(initial=0.0)))
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        from scipy.optimize import nnls  # scipy stays off the start-up path
+
+        gram, right = _regularised(a, self.sigma(a)), products(a.T, np.maximum(y, 0.0))
+        return np.stack([nnls(gram, target)[0] for target in right.T], axis=1)
+
+
+class NNLSL2NonZero(NNLSL2, label="nnls_l2_nz"):
+    """As nnls_l2, with the regularisation of l2_nz."""
+
+    def sigma(self, a: FloatArray) -> FloatArray:
+        return nonzero(a, self.reg)
 
 
 class Lasso(DecoderSolver, label="lasso"):
@@ -110,6 +152,23 @@ def products(a: FloatArray, b: FloatArray) -> FloatArray:
     if a.shape[0] * a.shape[1] * b.shape[1] <= PORTABLE_WORK:
         return product(a, b)
     return np.asarray(a @ b)
+
+
+def nonzero(a: FloatArray, reg: float) -> FloatArray:
+    """The regularisation sigma_i = reg max(A) sqrt(p_i) of each neuron (n,).
+
+    p_i is the share of points at which it fires; a neuron that never fires gets 1, so that its
+    weight is 0 and the system is not singular.
+    """
+    sigma: FloatArray = reg * float(a.max(initial=0.0)) * np.sqrt((a > 0.0).mean(axis=0))
+    sigma[sigma == 0.0] = 1.0
+    return sigma
+
+
+def _regularised(a: FloatArray, sigma: FloatArray) -> FloatArray:
+    gram = products(a.T, a)
+    gram[np.diag_indices(len(gram))] += len(a) * sigma**2
+    return gram
 
 
 def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:

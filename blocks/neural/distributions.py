@@ -16,7 +16,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from blocks.core import FloatArray, Setting, SettingError, hint, plain, show
+from blocks.core import (
+    ARRAYS,
+    CREATION,
+    ExpressionError,
+    FloatArray,
+    Setting,
+    SettingError,
+    array_of,
+    hint,
+    plain,
+    show,
+)
 
 Draw = Callable[[np.random.Generator, int, int, tuple[Any, ...]], FloatArray]
 _CALL = re.compile(r"\s*([A-Za-z_]+)\s*(?:\((.*)\))?\s*", re.DOTALL | re.ASCII)
@@ -111,6 +122,11 @@ class Distribution(Setting):
 
     @classmethod
     def read(cls, written: Any) -> Distribution:
+        if isinstance(written, str) and written.partition("(")[0].strip() in {*ARRAYS, *CREATION}:
+            try:
+                written = array_of(written)
+            except (ExpressionError, ArithmeticError) as error:
+                raise SettingError([("", str(error))]) from None
         if isinstance(written, str):
             return cls._parsed(written)
         try:

@@ -14,8 +14,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from blocks.core import FloatArray, kernel_of, param, portable
+from blocks.core.polynomials import any_order, expm1, expm1_of, log1p, log1p_of
 from blocks.neural.neurons import NeuronModel, NeuronStep, independent
 
 # From this many neurons, leaving out those that are awake for the whole step pays in Python.
@@ -57,20 +59,21 @@ def lif_steps(
 ) -> None:
     """:func:`lif_step` of any number of populations of ``each`` neurons, with the same bits."""
     tau_rc, tau_ref = constants.item(0), constants.item(1)
-    step = np.array(dt)
+    step, tau = np.array(dt), np.array(tau_rc)
     refractory -= step
     rise = np.subtract(current, voltage, out=spikes)  # written again below
-    if each < MANY:
+    if len(voltage) < MANY:
         # The same for all of them: fewer calls, which is what counts for few neurons.
         awake = refractory - step
         np.maximum(awake, -step, out=awake)
         np.minimum(awake, ZERO, out=awake)
-        awake /= np.array(tau_rc)
+        awake /= tau
         rise *= portable.expm1(awake, out=awake)
     else:
         partly = ((refractory > 0.0) & (refractory < dt)).nonzero()[0]
         waking = rise[partly] * portable.expm1((refractory[partly] - dt) / tau_rc)
-        rise *= math.expm1(-dt / tau_rc)
+        # Many populations that are few neurons each have the bits of the case above.
+        rise *= math.expm1(-dt / tau_rc) if each >= MANY else portable.expm1(-dt / tau_rc)
         rise *= refractory <= 0.0
         rise[partly] = waking
     voltage -= rise
@@ -78,7 +81,7 @@ def lif_steps(
     since = np.subtract(ONE, voltage[spiking])
     since /= current[spiking] - ONE
     portable.log1p(since, out=since)
-    since *= np.array(tau_rc)
+    since *= tau
     since += np.array(tau_ref + dt)
     refractory[spiking] = since
     np.maximum(voltage, ZERO, out=voltage)
@@ -97,32 +100,62 @@ def _lif_kernel(
     recovery: FloatArray,
     constants: FloatArray,
 ) -> None:
-    tau_rc, tau_ref = constants[0], constants[1]
-    # First, without a branch, the common cases: awake or refractory for the whole step.
-    full, height = math.expm1(-dt / tau_rc), 1.0 / dt
-    for i in range(len(voltage)):
-        refractory[i] -= dt
-        rise = full if refractory[i] <= 0.0 else 0.0
-        voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
-        spikes[i] = 0.0
-    # Then the few that wake up or spike in it: marked, then listed, also without a branch, which
-    # a processor would guess wrongly for as many as there are.
-    few, count = np.empty(len(voltage), dtype=np.int64), 0
-    for i in range(len(voltage)):
-        few[i] = (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
-    for i in range(len(voltage)):
-        marked = few[i]
-        few[count] = i
-        count += marked
-    for i in few[:count]:
-        if 0.0 < refractory[i] < dt:
-            rise = math.expm1((refractory[i] - dt) / tau_rc)
-            voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
-        if voltage[i] > 1.0:
-            since = math.log1p((1.0 - voltage[i]) / (current[i] - 1.0))
-            refractory[i] = tau_ref + dt + tau_rc * since
-            voltage[i] = 0.0
-            spikes[i] = height
+    n, full = len(voltage), expm1(np.divide(-dt, constants[0]))
+    marks = np.empty(n, dtype=np.int64)
+    for i in any_order(n):
+        left = refractory[i] - dt
+        v = risen(voltage[i], current[i], full if left <= 0.0 else 0.0)
+        refractory[i], voltage[i], spikes[i] = left, v, 0.0
+        marks[i] = marked(v, left, dt)
+    wake_and_spike(dt, current, spikes, voltage, refractory, constants, marks)
+
+
+def risen(voltage: float, current: float, rise: float) -> float:
+    """The voltage after a step, ``rise`` = expm1(-dt / tau_rc), in compiled code."""
+    return max(voltage - (current - voltage) * rise, 0.0)
+
+
+def marked(voltage: float, left: float, dt: float) -> int:
+    """1 for a neuron that wakes up or spikes inside a step, in compiled code."""
+    # Not by 'or', of which gcc makes no vector instructions here.
+    return 1 if voltage > 1.0 else ((1 if left < dt else 0) if left > 0.0 else 0)
+
+
+def wake_and_spike(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    constants: FloatArray,
+    marks: npt.NDArray[np.int64],
+) -> npt.NDArray[np.int64]:
+    """What few neurons do in a step, in compiled code: returns those that are marked.
+
+    They are listed without a branch, which a processor would guess wrongly for as many as there
+    are, and computed side by side from the list.
+    """
+    tau_rc, tau_ref, height = constants[0], constants[1], np.divide(1.0, dt)
+    few = np.flatnonzero(marks)
+    rise, ratio = np.empty(len(few)), np.empty(len(few))
+    for j in any_order(len(few)):
+        left = refractory[max(few[j], 0)]  # none is counted from the end, which would be tested
+        rise[j] = np.divide(left - dt, tau_rc) if (left > 0.0) & (left < dt) else 0.0
+    expm1_of(rise)
+    for j in range(len(few)):
+        at = max(few[j], 0)
+        v = risen(voltage[at], current[at], rise[j])
+        voltage[at], ratio[j] = v, np.divide(1.0 - v, current[at] - 1.0)
+        marks[j] = 1 if v > 1.0 else 0
+    fired = np.flatnonzero(marks[: len(few)])
+    since = np.empty(len(fired))
+    for j in any_order(len(fired)):
+        since[j] = ratio[max(fired[j], 0)]
+    log1p_of(since)
+    for j in range(len(fired)):
+        at = max(few[max(fired[j], 0)], 0)
+        refractory[at], voltage[at], spikes[at] = tau_ref + dt + tau_rc * since[j], 0.0, height
+    return few
 
 
 def lif_rates(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:
@@ -230,11 +263,11 @@ def _lif_rate_kernel(
     recovery: FloatArray,
     constants: FloatArray,
 ) -> None:
-    for i in range(len(current)):
+    tau_rc, tau_ref = constants[0], constants[1]
+    for i in any_order(len(current)):
         above = current[i] - 1.0
-        spikes[i] = 0.0
-        if above > 0.0:
-            spikes[i] = 1.0 / (constants[1] + constants[0] * math.log1p(1.0 / above))
+        rate = np.divide(1.0, tau_ref + tau_rc * log1p(np.divide(1.0, above)))
+        spikes[i] = rate if above > 0.0 else 0.0
 
 
 class LIFRate(_Leaky):

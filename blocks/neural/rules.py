@@ -156,13 +156,13 @@ def _pes_kernel(
 
 
 def pes_each(weights: FloatArray, activity: FloatArray, scaled: FloatArray) -> None:
-    """The rule PES for each member: W -= scaled s', (m, rows, n), (m, n) and (m, rows)."""
-    if scaled.all():
-        weights -= scaled[:, :, None] * activity[:, None]
+    """The rule PES for each member: W -= scaled s', (m, rows, n), (m, 1, n) and (m, rows, 1)."""
+    if np.count_nonzero(scaled) == scaled.size:
+        weights -= scaled * activity
         return
     # Rows without an error stay as they are: subtracting 0 would change the sign of a zero.
-    for i, row in zip(*scaled.nonzero(), strict=True):
-        weights[i, row] -= scaled[i, row] * activity[i]
+    for i, row in zip(*scaled[:, :, 0].nonzero(), strict=True):
+        weights[i, row] -= scaled[i, row] * activity[i, 0]
 
 
 def rls_step(

@@ -18,6 +18,8 @@ from blocks.core import (
     Block,
     BlockContext,
     BlockState,
+    Constants,
+    Definitions,
     FloatArray,
     Input,
     Output,
@@ -27,9 +29,10 @@ from blocks.core import (
     State,
     Vector,
     kernel_of,
+    misnamed,
     param,
 )
-from blocks.neural.decoded_function import DecodedFunction, PointError
+from blocks.neural.decoded_function import DecodedFunction, OwnNames, PointError
 from blocks.neural.decoder_solvers import DecoderSolver, SingularError, rmse
 from blocks.neural.distributions import Distribution
 from blocks.neural.ensemble import Ensemble
@@ -50,6 +53,12 @@ class Solved(Block, ABC):
 
     function: DecodedFunction | None = param(
         None, doc="expressions of x, the represented vector; default x itself"
+    )
+    constants: Constants | None = param(
+        None, doc="names that the function uses, with their values: {k: 2.5}"
+    )
+    let: Definitions | None = param(
+        None, doc="names with expressions that the function uses: {r: norm(x)}"
     )
     transform: FloatArray | None = param(
         None, shape=[(), (None, None)], doc="a factor, or a matrix, that the value is multiplied by"
@@ -85,7 +94,7 @@ class Solved(Block, ABC):
 
     def _components(self, d: int) -> int:
         """The length of the function's value at a point of d dimensions."""
-        return d if self.function is None else self.function.components
+        return d if self.function is None else self.function.components(d, self._own_names)
 
     def validate(self) -> None:
         fixed = self.weights_given is not None
@@ -94,6 +103,14 @@ class Solved(Block, ABC):
             for name in ("function", "transform", "eval_points")
             if self.value(name) is not None
         ]
+        variables = {"x": "the represented vector"}
+        problems = [
+            (name, text)
+            for name, names in (("constants", self.constants), ("let", self.let))
+            for _, text in misnamed(names or (), variables)
+        ]
+        if problems:
+            raise ParameterError(problems)
         if fixed and both:
             message = "weights that are given are used as they are; remove one of the two"
             raise ParameterError([(name, message) for name in both])
@@ -151,7 +168,13 @@ class Solved(Block, ABC):
         return []
 
     def _targets(self, points: FloatArray) -> FloatArray:
-        return points if self.function is None else self.function.of_points(points)
+        if self.function is None:
+            return points
+        return self.function.of_points(points, self._own_names)
+
+    @property
+    def _own_names(self) -> OwnNames:
+        return self.constants, self.let
 
     def _points(self, rng: np.random.Generator, n: int, d: int, radius: float) -> FloatArray:
         """Evaluation points (m, d)."""
@@ -172,16 +195,17 @@ class Solved(Block, ABC):
     def _solve(self, state: BlockState, tuning: Tuning) -> None:
         """Solve the weights of each group, and note the error on the points."""
         n, errors = tuning.neurons, []
-        # One set of points for all groups: groups differ by their neurons, not by luck.
-        points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
-        try:
-            targets = self._targets(points)
-        except PointError as error:
-            raise ParameterError([("function", str(error))], type(self).__name__) from None
-        if not targets.any():
-            state.error = 0.0  # nothing to solve: the weights are zero
-            return
         for group in range(tuning.groups):
+            # Each group has points of its own, as each ensemble of Nengo's has: with shared ones
+            # the errors of the groups would be alike.
+            points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
+            try:
+                targets = self._targets(points)
+            except PointError as error:
+                raise ParameterError([("function", str(error))], type(self).__name__) from None
+            if not targets.any():
+                errors.append(0.0)  # nothing to solve: the weights are zero
+                continue
             rates = tuning.rates(points, group)
             try:
                 decoders = self.solver.solve(rates, targets, state.rng)

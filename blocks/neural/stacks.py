@@ -61,20 +61,21 @@ class LearnerStack:
 
     def __init__(self, blocks: Sequence[Any], states: Sequence[BlockState], arrays: Arrays) -> None:
         self.blocks, self.states, self.arrays, first = blocks, states, arrays, states[0]
-        names = ("dt", "constants", "empty", "fade", "pass_on")
-        self.state, self.dt = _flat(states, arrays, *names), first.dt
-        self.weights, self.activity = arrays["weights"], arrays["activity"]
+        self.state, self.dt = _flat(states, arrays, "dt", "constants", "empty"), first.dt
+        # NumPy takes an array without axes much faster than a number.
+        self.state.fade, self.state.pass_on = np.array(first.fade), np.array(first.pass_on)
+        self.weights, self.activity = arrays["weights"], arrays["activity"][:, None]
         self.current, self.offset = arrays["current"], arrays["offset"]
         self.members, self.k, n = self.weights.shape
         self.encoder_rows = np.ascontiguousarray(arrays["scaled_encoders"].transpose(2, 0, 1))
         self.scratch = np.zeros((self.members, n))
-        self.gamma = np.array([[state.gamma] for state in states])
+        self.gamma = np.array([[[state.gamma]] for state in states])
         self.limits = np.array([[block.limit] for block in blocks])
         self.is_limited = bool(np.isfinite(self.limits).any())
         self.leaks = any(block.leak or block.e_leak for block in blocks)
 
     def output(self, t: float) -> FloatArray:
-        decoded: FloatArray = np.add.reduce(self.weights * self.activity[:, None], 2)
+        decoded: FloatArray = np.add.reduce(self.weights * self.activity, 2)
         if self.is_limited:
             decoded = np.minimum(np.maximum(decoded, -self.limits), self.limits)
         return decoded
@@ -89,13 +90,15 @@ class LearnerStack:
             current += self.scratch
         current += self.offset
         self.blocks[0].respond_together(current.shape[1], self.state)
-        errors, gamma = error.reshape(self.members, self.k), self.gamma
+        errors, gamma = error.reshape(self.members, self.k, 1), self.gamma
         if self.blocks[0].normalised:
             pairs = zip(self.blocks, self.states, strict=True)
-            gamma = np.array([[block._gamma(state)] for block, state in pairs])
+            gamma = np.array([[[block._gamma(state)]] for block, state in pairs])
         if self.leaks:
-            each = zip(self.blocks, self.states, errors, strict=True)
+            each = zip(self.blocks, self.states, errors[:, :, 0], strict=True)
             self.weights *= np.array([[[block.keep_of(s, e)]] for block, s, e in each])
-        pes_each(self.weights, self.activity, gamma * np.array(learn)[:, None] * errors)
+        if learn.count(1.0) < len(learn):
+            gamma = gamma * np.array(learn)[:, None, None]
+        pes_each(self.weights, self.activity, gamma * errors)
         if flush_due(t, self.dt):
             self.blocks[0]._flush(self.state)

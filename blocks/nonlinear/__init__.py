@@ -7,11 +7,20 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from blocks.nonlinear.hits import HitCrossing
     from blocks.nonlinear.lookup import LookupTable, LookupTable2D
     from blocks.nonlinear.static import Clip, DeadZone, Quantizer
     from blocks.nonlinear.with_memory import Backlash, RateLimiter, Relay
 else:
     __getattr__ = door(__name__)
 
-__all__ = ["Backlash", "Clip", "DeadZone", "LookupTable", "LookupTable2D", "Quantizer"]
+__all__ = [
+    "Backlash",
+    "Clip",
+    "DeadZone",
+    "HitCrossing",
+    "LookupTable",
+    "LookupTable2D",
+    "Quantizer",
+]
 __all__ += ["RateLimiter", "Relay"]

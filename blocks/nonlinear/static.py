@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,23 @@ from blocks.core import (
 )
 
 
-class Clip(Elementwise):
+class _Cornered(Elementwise):
+    """An element that bends where its input passes a limit: a solver's step ends there."""
+
+    follows = True
+
+    def crossings(self, context: BlockContext) -> list[str]:
+        return ["either"] * (2 * math.prod(context.types["out"].shape))
+
+    def guards(self, state: BlockState, t: float, input: Any) -> FloatArray:
+        found = np.empty(2 * state.size)
+        for i in range(state.size):
+            x = float(input if state.form == "scalar" else input[i])
+            found[2 * i], found[2 * i + 1] = state.low[i] - x, x - state.high[i]
+        return found
+
+
+class Clip(_Cornered):
     """Limit each component of a signal.
 
         input ─▶ [ Clip ] ─▶ out
@@ -52,7 +69,7 @@ class Clip(Elementwise):
         return float(min(max(x, state.low[i]), state.high[i]))
 
 
-class DeadZone(Elementwise):
+class DeadZone(_Cornered):
     """Ignore small values.
 
         input ─▶ [ DeadZone ] ─▶ out
@@ -68,6 +85,10 @@ class DeadZone(Elementwise):
             raise ParameterError(
                 [("high", f"expected at least low = {self.low:g}, got {self.high:g}")]
             )
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.low, state.high = np.full(state.size, self.low), np.full(state.size, self.high)
 
     def of(self, state: BlockState, x: float, i: int) -> float:
         if x < self.low:

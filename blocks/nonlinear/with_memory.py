@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
 
 from blocks.core import (
     BlockContext,
@@ -93,7 +96,9 @@ class Relay(_Stepped):
 
     out changes to ``high`` where input rises to ``switch_on``, to ``low`` where it falls to
     ``switch_off``, and keeps its value in between, each component. ``initial`` is one of the two,
-    or a number nearer to one of them.
+    or a number nearer to one of them. Where the input is continuous, the times at which it switches
+    are located between ticks; there a Relay without hysteresis (two equal thresholds) that its own
+    output pushes back would switch without end.
     """
 
     switch_on: float = param(0.0, doc="input at which the output changes to high")
@@ -111,6 +116,28 @@ class Relay(_Stepped):
             return self.high
         if x <= self.switch_off:
             return self.low
+        return self.high if self.is_on(state.cells[i]) else self.low
+
+    def crossings(self, context: BlockContext) -> list[str]:
+        return ["either"] * math.prod(context.types["out"].shape)
+
+    def guards(self, state: BlockState, t: float, input: Any) -> FloatArray:
+        # Above zero where the output is to be high; 1e-300 where a threshold itself counts.
+        found = np.empty(state.size)
+        for i in range(state.size):
+            x = float(input if state.form == "scalar" else input[i])
+            if not self.is_on(state.cells[i]):
+                found[i] = x - self.switch_on if x != self.switch_on else 1e-300
+            elif x == self.switch_off and self.switch_off == self.switch_on:
+                found[i] = 1e-300
+            else:
+                found[i] = x - self.switch_off
+        return found
+
+    def event(self, state: BlockState, t: float, which: float) -> None:
+        i = int(which)
+        state.cells[i] = self.low if self.is_on(state.cells[i]) else self.high
+
+    def is_on(self, out: float) -> bool:
         # By distance, since ``initial`` need not be one of the two.
-        near_high = abs(state.cells[i] - self.high) < abs(state.cells[i] - self.low)
-        return self.high if near_high else self.low
+        return abs(out - self.high) < abs(out - self.low)

@@ -45,6 +45,9 @@ class Table(Block, ABC):
     def stepwise(self) -> bool:
         return self.how == "hold"
 
+    def edges(self, until: float) -> FloatArray:
+        return self.rows[0] if self.how == "hold" else self.rows[0][[0, -1]]
+
     @property
     def stated(self) -> SignalType | None:
         """The output's type, if it is stated."""
@@ -167,3 +170,6 @@ class Piecewise(Table):
     @property
     def stated(self) -> SignalType | None:
         return self.kind
+
+    def edges(self, until: float) -> FloatArray:
+        return self.times if self.method == "linear" else super().edges(until)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 
-from blocks.core import Block, BlockState, Output, ParameterError, Scalar, param
+import numpy as np
+
+from blocks.core import Block, BlockState, FloatArray, Output, ParameterError, Scalar, param
 
 # Times are compared with this tolerance, in steps: 3 * 0.1 s is not below 0.3 s.
 EARLY = 1e-9
+# Of one source, more than a solver can end its steps at.
+MOST_PULSES = 10_000_001
 
 
 class Clock(Block):
@@ -49,7 +53,8 @@ class Step(Block):
 
         [ Step ] ─▶ out
 
-    out = before for t < time, and after from then on; it holds between two ticks.
+    out = before for t < time, and after from then on. Steps of a solver end at that time, which
+    need not be at a tick.
     """
 
     out = Output(Scalar, doc="the step")
@@ -61,6 +66,9 @@ class Step(Block):
     @property
     def stepwise(self) -> bool:
         return True
+
+    def edges(self, until: float) -> tuple[float, ...]:
+        return (self.time,)
 
     def start(self, state: BlockState) -> None:
         state.since = self.time - EARLY * state.dt
@@ -89,6 +97,9 @@ class Ramp(Block):
             message = f"expected a time from start = {self.begin:g} s on, got {self.stop:g} s"
             raise ParameterError([("stop", message)])
 
+    def edges(self, until: float) -> tuple[float, ...]:
+        return self.begin, self.stop
+
     def output(self, state: BlockState, t: float) -> float:
         return self.initial + self.slope * max(0.0, min(t, self.stop) - self.begin)
 
@@ -100,8 +111,8 @@ class Pulse(Block):
 
     From ``start`` on, each period begins with an edge of ``rise`` seconds from ``low`` to ``high``,
     stays there for ``width`` seconds, and returns within ``fall`` seconds. A triangle has a width
-    of 0 and two edges of half a period. With ``width: 0`` and no edges nothing is seen. Without
-    edges out holds between two ticks.
+    of 0 and two edges of half a period. With ``width: 0`` and no edges nothing is seen. Steps of a
+    solver end where out jumps or bends.
     """
 
     out = Output(Scalar, doc="the pulses")
@@ -131,9 +142,21 @@ class Pulse(Block):
     def stepwise(self) -> bool:
         return self.rise == 0.0 and self.fall == 0.0
 
-    def start(self, state: BlockState) -> None:
+    @property
+    def plateau(self) -> float:
+        """The time at high."""
         half = 0.5 * self.period - 0.5 * (self.rise + self.fall)
-        state.plateau = max(0.0, half) if self.width is None else self.width
+        return max(0.0, half) if self.width is None else self.width
+
+    def edges(self, until: float) -> FloatArray:
+        number = math.ceil(max(0.0, until - self.begin) / self.period)
+        number = min(number, self.count or number, MOST_PULSES)
+        within = np.cumsum([0.0, self.rise, self.plateau, self.fall])
+        times: FloatArray = self.begin + np.arange(number)[:, None] * self.period + within
+        return np.unique(times)
+
+    def start(self, state: BlockState) -> None:
+        state.plateau = self.plateau
         state.limit = float(self.count) if self.count else math.inf
         state.early = EARLY * min(state.dt, self.period)
 

@@ -28,6 +28,7 @@ def explain_json(graph: Graph) -> dict[str, Any]:
                 "type": network.entries[call.block].cls.__name__,
                 "every": call.gate.every,
                 "dt": call.gate.every * network.dt,
+                "offset": call.gate.offset * network.dt,
                 "once": call.gate.once,
                 "enabled_by": list(map(str, call.gate.switches)),
                 "reads": [argument.port for argument in call.arguments],
@@ -127,7 +128,9 @@ def explain_text(graph: Graph, code: bool = False) -> str:
         writes = ", ".join(f"{port}: {kind}" for port, kind in step["writes"].items())
         reads = f" from {', '.join(step['reads'])}" if step["reads"] else ""
         enables = f", while {' and '.join(step['enabled_by'])}" if step["enabled_by"] else ""
-        lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}{enables}")
+        first = f", from {step['offset']:g} {unit}" if step["offset"] else ""
+        end = f"{writes}{reads}{enables}{first}"
+        lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {end}")
     for name, how in facts["removed"].items():
         lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
     if facts["populations"]:

@@ -18,7 +18,14 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.codegen.names import unused
-    from runtime.codegen.source import Entry, Function, RefusedError, Source, support
+    from runtime.codegen.source import (
+        ANY_ORDER,
+        Entry,
+        Function,
+        RefusedError,
+        Source,
+        support,
+    )
     from runtime.codegen.types import (
         BOOL,
         FLOAT,
@@ -37,6 +44,7 @@ else:  # Imported where something is written, not at every start.
     __getattr__ = door(__name__)
 
 __all__ = [
+    "ANY_ORDER",
     "BOOL",
     "FLOAT",
     "INT",

@@ -339,4 +339,19 @@ def reduced(body: Body, value: Value, start: Value, step: Callable[[Value, Value
     return so_far
 
 
+def nonzero(body: Body, a: Value) -> Value:
+    """``np.flatnonzero``: without branches, which a processor would guess wrongly."""
+    value = flat(body, body.stored(a))
+    size = size_expr(value, 0)
+    count, marked = Name(body.fresh("count")), Name(body.fresh("marked"))
+    body.add(Declare("int64_t", count.name, Literal(0), const=False))
+    made = body.new("int", [size], (None,))
+    with body.loops([size]) as (index,):
+        element = body.at(value, [index])
+        body.add(Declare("bool", marked.name, Operator("!=", element.expr, Literal(0))))
+        body.act(Set(body.place(made, [count]), index))
+        body.add(Set(count, marked, "+="))
+    return Value(made.type, (made.expr, body.kept(Value(INT, (count,)), "found").expr))
+
+
 __all__ = ["FROZEN", "Cut", "Index", "copied", "elementwise", "flat", "subscript", "write"]

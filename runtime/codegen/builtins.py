@@ -140,7 +140,13 @@ def _tests(sign: str, body: Body, iterable: Value, /) -> Value:
 
 
 # The parameters have Python's names, or are by position as there.
+def _bits(name: str, body: Body, x: Value, /) -> Value:
+    return scalars.call(name, scalars.as_float(x).expr)
+
+
 BUILTINS: dict[str, Callable[..., Value]] = {
+    # Not Python's: the two functions of blocks.core that look at the bits of a number.
+    **{name: partial(_bits, name) for name in ("power_of_two", "exponent_of")},
     **{"len": _len, "float": _float, "int": _int, "bool": _bool, "abs": library.absolute},
     **{"round": _round, "min": partial(_extreme, "min"), "max": partial(_extreme, "max")},
     **{"sum": _sum, "pow": _pow, "divmod": _divmod},

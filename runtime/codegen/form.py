@@ -306,7 +306,8 @@ class While:
 class For:
     """``for (int64_t index = start; index < stop; index += step)``; down if the step is negative.
 
-    Bounds that may fail are evaluated once, before the loop, as Python does.
+    Bounds that may fail are evaluated once, before the loop, as Python does. The rounds of a
+    loop in ``any_order`` may be done at once.
     """
 
     index: str
@@ -314,6 +315,7 @@ class For:
     stop: Expr
     step: int
     body: list[Statement]
+    any_order: bool = False
 
 
 @dataclass(frozen=True)

@@ -116,11 +116,11 @@ def lifted(
     return function(*values)
 
 
-def operator(body: Body, op: ast.operator, values: Given) -> Value:
+def operator(body: Body, op: ast.operator, values: Given, unchecked: bool = False) -> Value:
     """A binary operator of numbers and arrays."""
     each = any(isinstance(v.type, Array) for v in values)
     if not each:
-        return scalars.binary(body, op, values[0], values[1])
+        return scalars.binary(body, op, values[0], values[1], unchecked)
     kind = FLOAT if isinstance(op, ast.Div) else arrays.common(values)
     return lifted(body, values, lambda a, b: scalars.binary(body, op, a, b, each=True), kind)
 
@@ -155,7 +155,8 @@ def _two(name: str, c_name: str, body: Body, x1: Value, x2: Value, /) -> Value:
 
 
 def _operator(op: ast.operator, body: Body, x1: Value, x2: Value, /) -> Value:
-    return operator(body, op, [x1, x2])
+    # Where the operator raises, NumPy's function gives infinity or NaN, of numbers as well.
+    return operator(body, op, [x1, x2], unchecked=isinstance(op, ast.Div))
 
 
 def _test(name: str, body: Body, x: Value, /) -> Value:
@@ -339,7 +340,7 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
     **{"amin": partial(_ends, "min"), "amax": partial(_ends, "max")},
     **{name: partial(_place_of, name) for name in ("argmin", "argmax")},
     **{name: partial(tests_all, name) for name in ("all", "any")},
-    "count_nonzero": _count,
+    **{"count_nonzero": _count, "flatnonzero": arrays.nonzero},
     **{"zeros": partial(creation.filled, 0.0), "ones": partial(creation.filled, 1.0)},
     **{"empty": partial(creation.filled, None), "full": creation.full},
     **{"eye": creation.eye, "identity": creation.identity, "arange": creation.arange},

@@ -32,6 +32,7 @@ from runtime.codegen.form import (
     Prefix,
     While,
 )
+from runtime.codegen.source import ANY_ORDER
 from runtime.codegen.types import INT, Array, NotTypedError, Tuple, join, leaves
 from runtime.codegen.values import (
     UNKNOWN,
@@ -162,7 +163,8 @@ def _counted(body: Body, node: ast.For, bounds: Sequence[Value], rounds: Rounds)
         else:
             assign_to(body, target, value)
             rounds(node.body)
-    body.add(For(index, start.expr, stop.expr, int(step.const), statements))
+    free = node.type_comment == ANY_ORDER
+    body.add(For(index, start.expr, stop.expr, int(step.const), statements, free))
 
 
 def _range_bounds(start: Value, stop: Value, up: bool) -> tuple[int | None, int | Expr | None]:

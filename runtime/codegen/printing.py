@@ -154,7 +154,7 @@ class Printer:
                 sign = "<" if step > 0 else ">"
                 change = {1: f"{index}++", -1: f"{index}--"}.get(step, f"{index} += {step}")
                 bounds = f"{index} = {text(start)}; {index} {sign} {text(stop, form.SUM)}"
-                yield f"for (int64_t {bounds}; {change}) {{"
+                yield f"{'ANY_ORDER ' * statement.any_order}for (int64_t {bounds}; {change}) {{"
                 yield from self.lines(body)
             case form.Block(body=body):
                 yield "{"

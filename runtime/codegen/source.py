@@ -19,6 +19,9 @@ from pathlib import Path
 from runtime.codegen.scopes import separated, uncertain
 from runtime.codegen.types import Type
 
+# The comment at a ``for`` whose rounds may be done in any order, or at once.
+ANY_ORDER = "any order"
+
 
 class RefusedError(Exception):
     """Text that cannot be compiled: the reason with file and line."""

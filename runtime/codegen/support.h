@@ -44,6 +44,32 @@ struct draws {
 #endif
 #define INLINE static inline MAYBE_UNUSED
 
+/* The C library's, as the compiler does not know them (see FLAGS of the toolchain), but of one
+ * argument one result: two blocks that turn by one angle take its sine once. */
+#if defined(__GNUC__) || defined(__clang__)
+#define OF_ARGUMENTS(name) extern double name(double) __attribute__((const))
+OF_ARGUMENTS(sin);
+OF_ARGUMENTS(cos);
+OF_ARGUMENTS(tan);
+OF_ARGUMENTS(exp);
+OF_ARGUMENTS(log);
+#endif
+/* A function of numbers that cannot fail. As a call it would keep the loop around it from being
+ * vector instructions. */
+#if defined(__GNUC__) || defined(__clang__)
+#define LANE static inline __attribute__((always_inline, unused))
+#else
+#define LANE static inline
+#endif
+/* Before a loop whose rounds may be done at once. */
+#if defined(__clang__)
+#define ANY_ORDER _Pragma("clang loop vectorize(assume_safety)")
+#elif defined(__GNUC__)
+#define ANY_ORDER _Pragma("GCC ivdep")
+#else
+#define ANY_ORDER
+#endif
+
 /* Failures. A function that may fail takes ctx first, and calls fail with a number of the unit.
  *
  * In a run of a graph, fail jumps out of all blocks. In an exported controller it returns, and the
@@ -414,6 +440,23 @@ INLINE double np_clip(double x, double low, double high)
 {
     double found = x >= low || x != x ? x : low;
     return found <= high || found != found ? found : high;
+}
+
+/* 2^k for whole k from -1022 to 1023. To 1.5 2^52 + 1023 is added what becomes the last bits. */
+INLINE double power_of_two(double k)
+{
+    union { double number; uint64_t bits; } found = {k + (6755399441055744.0 + 1023.0)};
+    found.bits <<= 52;
+    return found.number;
+}
+
+/* The exponent of a normal number above 0: as the last bits of 2^52, since few processors convert
+ * integers of 64 bits in vector instructions. */
+INLINE double exponent_of(double x)
+{
+    union { double number; uint64_t bits; } found = {x};
+    found.bits = found.bits >> 52 | UINT64_C(0x4330000000000000);
+    return found.number - (4503599627370496.0 + 1023.0);
 }
 
 INLINE int64_t int_abs(struct context *ctx, int64_t a, int64_t failure)

@@ -23,12 +23,14 @@ from runtime.codegen.form import (
     Call,
     Do,
     Expr,
+    For,
     Literal,
     Member,
     Name,
     Return,
     Set,
     Statement,
+    While,
     used,
     walk,
 )
@@ -299,10 +301,13 @@ class Writer:
         unused = [each for _, each in parameters if each not in names]
         first = [CONTEXT] * context + [ENTRIES] * entries
         taken = ", ".join(declared(*each) for each in [*first, *parameters]) or "void"
+        is_plain = {c for c, _ in parameters} == {"double"} and c_type == "double"
+        has_loops = any(isinstance(each, (For, While)) for each in walk(statements))
+        kept = "static" if context or entries or has_loops or not is_plain else "LANE"
         text = "\n".join(
             [
                 *([f"/* {_plain(target.note)} */"] if target.note else []),
-                f"{declared(f'static {c_type}', name)}({taken})",
+                f"{declared(f'{kept} {c_type}', name)}({taken})",
                 *_block(unused, body, statements, struct, zero(returned)),
             ]
         )

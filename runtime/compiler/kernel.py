@@ -36,7 +36,9 @@ PROJECT = Evaluation("project", ())
 # A text of at most this many characters, apart from what all units share, can be part of the plan's
 # unit, where its calls are inlined: it is compiled again with every edit of the graph.
 SMALL = 5000
-FUNCTION = re.compile(r"^(?:static )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE)
+FUNCTION = re.compile(
+    r"^(?:static |LANE )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE
+)
 STRUCT = re.compile(r"^struct (\w+) \{$", re.MULTILINE)
 PROTOTYPE = re.compile(r"^void \w+\(.*\);\n\n", re.MULTILINE)
 METHOD = re.compile(r"^void (?=\w+\()", re.MULTILINE)
@@ -51,7 +53,7 @@ class Kernel:
 
     symbols, prototypes : the C name and declaration of each method.
     failures : what can go wrong while it runs, by number: exception, message, file, line.
-    words : how many words its struct has.
+    words : how many words its struct has; ``struct`` is its name inside of another unit.
     is_new : it was written, not read from the cache.
     """
 
@@ -63,6 +65,7 @@ class Kernel:
     failures: list[Failure]
     words: int
     is_new: bool = False
+    struct: str = ""
 
     @property
     def unit(self) -> TranslationUnit:
@@ -74,6 +77,11 @@ class Kernel:
         """Whether it can be part of the plan's unit."""
         return len(self.text) - len(support()) <= SMALL
 
+    @property
+    def has_while(self) -> bool:
+        """Whether it has a loop that ends by what it computes."""
+        return "while (" in self.text.replace(support(), "")
+
     def enclosed(self, prefix: str) -> Kernel:
         """The same for a unit with other blocks: without the support that a unit begins with, and
         with static functions ``<prefix>_...``, of which the methods are ``<prefix>__...``."""
@@ -84,7 +92,8 @@ class Kernel:
         tags = {name: f"{prefix}_{name}" for name in STRUCT.findall(text)}
         text = CALL.sub(lambda found: f"{calls.get(found[1], found[1])}(", text)
         text = TAG.sub(lambda found: f"struct {tags.get(found[1], found[1])}", text)
-        return replace(self, text=text, symbols=symbols, prototypes=[])
+        struct = f"struct {tags['entries']}"
+        return replace(self, text=text, symbols=symbols, prototypes=[], struct=struct)
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
         """The values of the struct in one run."""
@@ -95,10 +104,13 @@ class Kernel:
         return self.inputs.fit(block, state)
 
 
-def calls_of(spec: BlockSpec, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-    """The methods of a block that are called in a tick."""
+def calls_of(
+    spec: BlockSpec, evaluations: Sequence[Evaluation], guards: int = 0
+) -> list[Evaluation]:
+    """The methods of a block that are called in a tick; ``guards`` of it are located."""
     calls = [each for each in evaluations if not spec.is_constant(each)]
     calls += [each for each in (spec.update, spec.derivative) if each is not None]
+    calls += [each for each in (spec.guards, spec.event) if each is not None and guards]
     return calls + ([PROJECT] if spec.projects else [])
 
 
@@ -114,9 +126,10 @@ def refusals(made: Block, state: BlockState, context: BlockContext) -> list[str]
     found: dict[str, str] = {}
     terms = {port: sum(flags) for port, flags in context.terms.items()}
     rates = [getattr(state, name).shape for name in spec.continuous]
-    for call in calls_of(spec, made.evaluations):
+    guards = len(made.crossings(context))
+    for call in calls_of(spec, made.evaluations, guards):
         try:
-            make_kernel(made, state, terms, context.types, [call], rates=rates)
+            make_kernel(made, state, terms, context.types, [call], rates=rates, guards=guards)
         except NotCompilableError as error:
             found.setdefault(str(error), call.method)
     return [f"{method} is not compiled: {reason}" for reason, method in found.items()]
@@ -131,6 +144,7 @@ def make_kernel(
     checked: bool = False,
     rates: Shapes = (),
     records: Records | None = None,
+    guards: int = 0,
 ) -> Kernel:
     """Write one block as C; the same source with the same types is kept on disk.
 
@@ -142,6 +156,7 @@ def make_kernel(
     calls : the methods that are called.
     rates : the shapes of its continuous states, whose rates of change ``derivative`` returns.
     records : of the cache; those of a whole graph are read once for all its blocks.
+    guards : how many it has.
 
     Raises
     ------
@@ -152,7 +167,8 @@ def make_kernel(
     found = translation(made, state, terms, records)
     checked = checked or not is_built_in(cls) or found.fields.has_functions_of_others
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
-    entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
+    returns = {"derivative": rates, "guards": [(guards,)]}
+    entries = [_entry(found.methods, call, kinds, terms, returns) for call in calls]
     key = digest(salt(), found.key, repr(entries), title, repr(checked))
     record = records.read(f"block_{key}.json")
     is_new = record is None
@@ -195,9 +211,10 @@ def _entry(
     call: Evaluation,
     kinds: Mapping[str, SignalType],
     terms: dict[str, int],
-    rates: Shapes,
+    returns: Mapping[str, Shapes],
 ) -> Entry:
     arguments: list[tuple[str, Type]] = [] if call == PROJECT else [("t", FLOAT)]
+    arguments += [("which", FLOAT)] if call.method == "event" else []
     for port in call.needs:
         kind = signal_type(kinds[port])
         if port in terms:
@@ -205,8 +222,9 @@ def _entry(
         else:
             arguments.append((port, kind))
     results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
-    if call.method == "derivative":
-        results = [Array("float", written(shape)) if shape else FLOAT for shape in rates]
+    if call.method in returns:
+        shapes = returns[call.method]
+        results = [Array("float", written(shape)) if shape else FLOAT for shape in shapes]
     return Entry(call.method, methods[call.method], arguments, results)
 
 

@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
-from runtime.codegen import Function, Source, unknown_call
+from blocks.core.polynomials import any_order, exponent_of, power_of_two
+from runtime.codegen import ANY_ORDER, Function, Source, unknown_call
 from runtime.compiler.fields import (
     Attribute,
     Fields,
@@ -40,6 +41,8 @@ from runtime.compiler.function_source import source_of
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
+# Functions of blocks.core that have a form in C.
+PRIMITIVES = {power_of_two: "power_of_two", exponent_of: "exponent_of"}
 
 
 class Writer(Folding):
@@ -124,6 +127,9 @@ class Writer(Folding):
     def visit_For(self, node: ast.For) -> Any:
         source = node.iter
         if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
+            if self.function.__globals__.get(source.func.id) is any_order:
+                source.func = ast.copy_location(ast.Name("range", ast.Load()), source.func)
+                node.type_comment = ANY_ORDER
             source.args = [_copied(argument) for argument in source.args]
         node.iter = _copied(source)
         return self.generic_visit(node)
@@ -251,6 +257,8 @@ class Writer(Folding):
             return node  # a builtin
         value = scope[name]
         if isinstance(value, types.FunctionType):
+            if value in PRIMITIVES:
+                return ast.Name(PRIMITIVES[value], ast.Load())
             return ast.Name(self.owner.function(value), ast.Load())
         of = getattr(value, "__name__", "")
         for module, short in MODULES.items():
@@ -321,7 +329,12 @@ def _assigned(node: ast.AST) -> set[str]:
     }
 
 
-HEADER = "import math\n\nimport numpy as np\n"
+HEADER = """import math
+
+import numpy as np
+
+from blocks.core.polynomials import exponent_of, power_of_two
+"""
 
 
 @dataclass(frozen=True)
@@ -354,7 +367,8 @@ def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translat
     translator = Translator(made, state, terms)
     spec = type(made).spec
     wanted = [evaluation.method for evaluation in spec.evaluations]
-    wanted += [each.method for each in (spec.update, spec.derivative) if each is not None]
+    others = (spec.update, spec.derivative, spec.guards, spec.event)
+    wanted += [each.method for each in others if each is not None]
     wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
     text = "\n\n".join([HEADER, *translator.texts.values()]) + "\n"
@@ -404,7 +418,7 @@ class Translator:
         if not isinstance(function, types.FunctionType) or function.__closure__:
             raise NotCompilableError(f"'{getattr(function, '__name__', function)}' is no function")
         name = function.__name__
-        while name in self.names.values():
+        while name in self.names.values() or name in PRIMITIVES.values():
             name += "_"
         self.names[function] = name
         writer = Writer(self, function, bound)

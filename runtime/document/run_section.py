@@ -23,20 +23,23 @@ DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled", "checked")
 STATE_CHOICES = ("small", "all", "none")
+EVENT_CHOICES = ("located", "ticks")
+DIRECTIONS = ("either", "rising", "falling")
 LOOPS = ("error", "solve")
 SOLVERS = ("euler", "heun", "rk4", "dopri5", "rodas4")
 ADAPTIVE = ("dopri5", "rodas4")
 STOP_DOCS = {
     "when": "a scalar signal",
-    "above": "the level that ends the run when the signal is above it",
-    "below": "the level that ends the run when the signal is below it",
-    "crosses": "the level that ends the run when the signal passes it, either way",
+    "above": "the level that ends the run when the signal rises above it",
+    "below": "the level that ends the run when the signal falls below it",
+    "crosses": "the level that ends the run when the signal passes it",
+    "direction": "which way it crosses: rising, falling or either",
 }
-STOPS = tuple(key for key in STOP_DOCS if key != "when")
+STOPS = ("above", "below", "crosses")
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {
-    **{"engine": ENGINES, "solver": SOLVERS, "states": STATE_CHOICES},
+    **{"engine": ENGINES, "solver": SOLVERS, "states": STATE_CHOICES, "events": EVENT_CHOICES},
     "loops": LOOPS,
     "time_unit": tuple(TIME_UNITS),
 }
@@ -69,16 +72,19 @@ class Solver:
 
 @dataclass(frozen=True)
 class Stop:
-    """What ends a run early: the signal ``when`` goes above or below a level, or crosses it."""
+    """What ends a run early: the signal ``when`` rises above a level, falls below it, or either."""
 
     when: str
     kind: str
     level: float
+    direction: str
     node: Node = field(compare=False, repr=False)
 
     def entries(self) -> dict[str, float | str]:
         """The entry of the section."""
-        return {"when": self.when, self.kind: self.level}
+        entries: dict[str, float | str] = {"when": self.when, self.kind: self.level}
+        is_told = self.kind == "crosses" and self.direction != DIRECTIONS[0]
+        return entries | ({"direction": self.direction} if is_told else {})
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,7 @@ class RunSection:
     stop: Stop | None = None
     states: str = STATE_CHOICES[0]
     time_unit: str = SECOND
+    events: str = EVENT_CHOICES[0]
     loops: str = LOOPS[0]
 
 
@@ -121,8 +128,10 @@ def read_run(document: Node, problems: Problems) -> RunSection:
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
     states = _choice(run, "states", STATE_CHOICES, STATE_CHOICES[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
+    events = _choice(run, "events", EVENT_CHOICES, EVENT_CHOICES[0], problems)
     loops = _choice(run, "loops", LOOPS, LOOPS[0], problems)
-    return RunSection(dt, until, seed, engine, memory, solver, stop, states, unit, loops)
+    rest = (stop, states, unit, events, loops)
+    return RunSection(dt, until, seed, engine, memory, solver, *rest)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:
@@ -193,7 +202,17 @@ def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
         message = f"expected a number, got {level.describe()}"
         problems.add(level.where, f"run.stop.{kinds[0]}", message)
         return None
-    return Stop(when.value, kinds[0], float(level.value), when)
+    known = {"above": "rising", "below": "falling"}
+    direction, wanted = known.get(kinds[0], DIRECTIONS[0]), node.get("direction")
+    if wanted is not None and kinds[0] in known:
+        message = f"'{kinds[0]}' is one direction already; it is for 'crosses'"
+        problems.add(wanted.where, "run.stop.direction", message)
+    elif wanted is not None and wanted.value not in DIRECTIONS:
+        message = f"expected {', '.join(DIRECTIONS)}, got {wanted.describe()}"
+        problems.add(wanted.where, "run.stop.direction", message)
+    elif wanted is not None:
+        direction = wanted.value
+    return Stop(when.value, kinds[0], float(level.value), direction, when)
 
 
 def _memory(run: dict[str, Node], problems: Problems) -> int:

@@ -21,6 +21,8 @@ SECTIONS = {
     "graph": "the title",
     "run": "dt, until, seed, engine and memory",
     "params": "values for $names",
+    "types": "signal types: names and units of components",
+    "defaults": "values that blocks take where they give none, by key or by type",
     "world": "walls and obstacles",
     "blocks": "the boxes",
     "wires": "consumer: {input: producer.output}",
@@ -33,11 +35,12 @@ SECTIONS = {
     "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
-    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
+    *("graph", "run", "params", "types", "defaults", "blocks", "wires", "without", "bypass"),
     *("from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = (
     *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
+    "defaults",
 )
 # Sections whose entries may name files, beside ``blocks``: those with a kind of a user's own.
 FILE_SECTIONS = ("plots", "metrics")
@@ -46,6 +49,8 @@ FILE_KEYS = ("module", "file")
 EXAMPLES = {
     "run": "dt: 0.001",
     "params": "v_r: 1.0",
+    "types": "Body: {x: m, v: m/s}",
+    "defaults": "dt: 0.01",
     "world": "circles: [[0.3, -1.5, 0.5]]",
     "blocks": "total: {type: Sum}",
     "wires": "lqr: {error: error.state}",
@@ -68,6 +73,7 @@ RUN_KEYS = (
     "rtol",
     "atol",
     "max_step",
+    "events",
     "loops",
     "stop",
 )
@@ -85,6 +91,7 @@ RUN_DOCS = {
     "atol": "dopri5, rodas4: largest error of a step of a state near 0",
     "max_step": "dopri5, rodas4: the largest step, s",
     "loops": "algebraic loops: error, or solve, which solves them by Newton's method",
+    "events": "located: events and edges are at their times between ticks; ticks: at ticks alone",
     "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
 # What other tools call the keys of the section.

@@ -1,23 +1,29 @@
-"""Substitution of ``$names`` by the values of ``params``; nothing is evaluated.
+"""Substitution of ``$names`` by the values of ``params``.
 
 In: a graph or part and its params. Out: the same tree with values in place of names, each with the
-position of the param, where a wrong value has to be corrected::
+position of the param, where a wrong value has to be corrected; inside a text, the number as text::
 
-    params: {v: 1.5}   blocks: {lqr: {v_r: $v}}    ->    blocks: {lqr: {v_r: 1.5}}
+    params: {v: 1.5}   blocks: {lqr: {v_r: $v}}             ->    {lqr: {v_r: 1.5}}
+    params: {n: 3}     blocks: {f: {signal: Vector($n)}}    ->    {f: {signal: Vector(3)}}
+
+Params may be computed from others, by arithmetic with numbers alone: ``wheel: $d * 0.5``.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
-from blocks.core import hint
+from blocks.core import ExpressionError, expression_function, hint
 from runtime.document.limits import Work
 from runtime.document.node import Node
 from runtime.document.sections import SECTIONS, expected_form, is_part, misspelt_keys
 from runtime.errors import Problems
 
 _NAME = re.compile(r"\$([A-Za-z_]\w*)")
+# Values of a part's entry that are the graph's around it, so that its params are meant.
+_OUTER = ("params", "repeat", "share")
 
 
 def fill_sections(
@@ -39,10 +45,11 @@ def fill_sections(
             message = f"{expected_form('params')}, got {declared.describe()}"
             problems.add(declared.where, f"{prefix}params", message)
     filler = _Filler(params, problems, work)
-    if not address:
-        filler.refuse_nested()
+    filler.compute_params(prefix)
     for name, node in document.items():
         if name not in ("params", "part"):
+            # Elsewhere a text may hold dollars: plots and titles are set in TeX.
+            filler.inside = name in ("blocks", "wires", "inputs", "outputs", "probes", "run")
             fill = filler.blocks if name == "blocks" else filler.fill
             document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
     for name, node in (params or {}).items():
@@ -93,16 +100,24 @@ def _references_of(graph: Node) -> set[str]:
     for key, node in graph.items():
         if key == "blocks":
             for entry in dict(node.items()).values():
-                inside = (entry.get(each) for each in ("params", "repeat", "share"))
+                inside = (entry.get(each) for each in _OUTER)
                 nodes += [n for n in inside if n is not None] if is_part(entry) else [entry]
         elif key not in ("params", "part"):
             nodes.append(node)
-    return {item.value[1:] for node in nodes for item in _references(node)}
+    used = {name for node in nodes for name in _references(node)}
+    # With those that the params that are used are computed from.
+    params, waiting = graph.get("params") or Node({}), list(used)
+    while waiting:
+        param = params.get(waiting.pop())
+        more = set(_references(param)) - used if param is not None else set()
+        used |= more
+        waiting += more
+    return used
 
 
-def _references(node: Node) -> Iterator[Node]:
-    if isinstance(node.value, str) and _NAME.fullmatch(node.value):
-        yield node
+def _references(node: Node) -> Iterator[str]:
+    if isinstance(node.value, str):
+        yield from _NAME.findall(node.value)
     for item in node.value if node.is_list else [n for _, n in node.items()]:
         yield from _references(item)
 
@@ -116,28 +131,35 @@ class _Filler:
         self.problems = problems
         self.used: set[str] = set()
         self.missing: set[str] = set()
-        # With the values, since an id is unique only while its object exists.
-        self._known: dict[int, tuple[object, bool]] = {}
+        self.failed: set[str] = set()
+        self.inside = True  # whether names inside a text are replaced
 
-    def _has_references(self, node: Node) -> bool:
-        """Whether a value holds another param; a shared part of it is looked through once."""
-        if not isinstance(node.value, (dict, list)):
-            return any(_references(node))
-        entry = self._known.get(id(node.value))
-        if entry is None:
-            items = node.value if node.is_list else [item for _, item in node.items()]
-            entry = node.value, any(map(self._has_references, items))
-            self._known[id(node.value)] = entry
-        return entry[1]
+    def compute_params(self, prefix: str) -> None:
+        """Replace the params in params, in an order in which each uses only values."""
+        done: set[str] = set()
 
-    # Params in params would need an order, and could be circular; a part's params may name those of
-    # the graph around it, which are filled in before the part is opened.
-    def refuse_nested(self) -> None:
-        for name, node in (self.params or {}).items():
-            for bad in _references(node):
-                self.used.add(bad.value[1:])
-                message = f"'{bad.value}': the values of params cannot be other params"
-                self.problems.add(bad.where, f"params.{name}", message)
+        def compute(name: str, path: tuple[str, ...]) -> None:
+            if self.params is None or name not in self.params or name in done:
+                return
+            node, address = self.params[name], f"{prefix}params.{name}"
+            if name in path:
+                circle = " -> ".join(f"${each}" for each in (*path[path.index(name) :], name))
+                message = f"the param is computed from itself: {circle}"
+                self.problems.add(node.where, address, message)
+                self.failed.add(name)
+                done.add(name)
+                return
+            for other in _references(node):
+                compute(other, (*path, name))
+            if name not in done:
+                done.add(name)
+                if any(True for _ in _references(node)):
+                    before = len(self.problems.items)
+                    self.params[name] = self.arithmetic(node, address)
+                    self.failed |= {name} if len(self.problems.items) > before else set()
+
+        for name in list(self.params or ()):
+            compute(name, ())
 
     def blocks(self, node: Node, address: str) -> Node:
         """The section ``blocks``; the inside of a part uses the part's own params."""
@@ -149,22 +171,81 @@ class _Filler:
             if not is_part(entry):
                 entries[name] = self.fill(entry, inner)
                 continue
-            for key in ("params", "repeat", "share"):
+            for key in _OUTER:
                 if (node_of_key := entry.get(key)) is not None:
-                    value = self.fill(node_of_key, f"{inner}.{key}")
+                    value = self.for_part(entry, key, node_of_key, f"{inner}.{key}")
                     self.work.check(value, node_of_key.where, f"{inner}.{key}")
                     entries[name] = entries[name].with_item(key, value)
         return Node(entries, node.where, node.key)
 
+    def for_part(self, entry: Node, key: str, node: Node, address: str) -> Node:
+        """What a graph gives a part: its params' values, how often it is repeated."""
+        if key != "params" or not node.is_map:
+            return self.arithmetic(node, address)
+        blocks = entry.get("blocks")
+        own_file = blocks is not None and (blocks.where.file, entry.key.file)
+        entries = dict(node.items())
+        for name, item in node.items():
+            # A default that the part computes from its own params stays until its inside is filled.
+            references = set(_references(item))
+            by_part = own_file and own_file[0] != own_file[1] and item.where.file == own_file[0]
+            unknown = not references & (self.params or {}).keys()
+            if not (references and references <= entries.keys() - {name} and (by_part or unknown)):
+                entries[name] = self.arithmetic(item, f"{address}.{name}")
+        return Node(entries, node.where, node.key)
+
     def fill(self, node: Node, address: str) -> Node:
+        """A value with ``$names`` replaced, in its items and texts as well."""
+        return self.walk(node, address, self.in_text)
+
+    def arithmetic(self, node: Node, address: str) -> Node:
+        """A value as :meth:`fill` gives it, where a text with names is computed to a number."""
+        return self.walk(node, address, self.computed)
+
+    def walk(self, node: Node, address: str, text: Callable[[Node, str], Node]) -> Node:
         if node.is_map:
-            entries = {name: self.fill(item, f"{address}.{name}") for name, item in node.items()}
-            return Node(entries, node.where, node.key)
-        if node.is_list:
-            items = [self.fill(item, f"{address}[{i}]") for i, item in enumerate(node.value)]
+            items = {
+                name: self.walk(item, f"{address}.{name}", text) for name, item in node.items()
+            }
             return Node(items, node.where, node.key)
-        match = _NAME.fullmatch(node.value) if isinstance(node.value, str) else None
-        return node if match is None else self.value(match[1], node, address)
+        if node.is_list:
+            nodes = [self.walk(n, f"{address}[{i}]", text) for i, n in enumerate(node.value)]
+            return Node(nodes, node.where, node.key)
+        if not isinstance(node.value, str) or "$" not in node.value:
+            return node
+        match = _NAME.fullmatch(node.value)
+        return self.value(match[1], node, address) if match else text(node, address)
+
+    def in_text(self, node: Node, address: str) -> Node:
+        """A text with numbers in place of the names in it."""
+        names = set(_NAME.findall(node.value))
+        if not names or not (self.inside or names <= (self.params or {}).keys()):
+            return node
+        values = {name: self.value(name, node, address) for name in names}
+        if any(value is node for value in values.values()):
+            return node
+        return replace(node, value=_NAME.sub(lambda m: _written(values[m[1]].plain()), node.value))
+
+    def computed(self, node: Node, address: str) -> Node:
+        """The number that a text such as ``$d * 0.5`` stands for."""
+        filled = self.in_text(node, address)
+        if filled is node:
+            return node
+        try:
+            number = expression_function(filled.value, {})()
+        except ExpressionError as error:
+            message = f"expected arithmetic with numbers, as in '$d * 0.5': {error.message}"
+        except (ArithmeticError, ValueError) as error:
+            message = f"cannot compute '{node.value}': {error}"
+        else:
+            if isinstance(number, float):
+                # A count stays one: '$n + 1' of an integer repeats a part, 4.0 would not.
+                whole = number.is_integer() and not re.search(r"[.]|(?<!/)/(?!/)", filled.value)
+                return replace(node, value=int(number) if whole else number)
+            message = "expected one number, got a vector or a matrix"
+        self.problems.add(node.where, address, f"{message} (in '{node.value}')")
+        self.problems.silence(node.where, address)
+        return node
 
     def value(self, name: str, node: Node, address: str) -> Node:
         """The value of a param, with the position where it is written, not where it is used."""
@@ -172,8 +253,7 @@ class _Filler:
         if param is not None and param.value is not None:
             self.used.add(name)
             self.work.substitute(name, param, node.where, address)
-            # Reported by refuse_nested: what the value does to its block is no news.
-            if self._has_references(param):
+            if name in self.failed:  # reported there
                 self.problems.silence(param.where, address)
             return Node(param.value, param.where, node.key)
         if param is not None:
@@ -185,3 +265,11 @@ class _Filler:
             self.problems.add(node.where, address, f"there is no param '{name}'{known}")
         self.problems.silence(node.where, address)
         return node
+
+
+def _written(value: object) -> str:
+    """A value inside a text: in parentheses, unless it is a name or a number that needs none."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_written, value))}]"
+    text = str(value) if isinstance(value, str) else repr(value)
+    return text if re.fullmatch(r"[\w.]*(e[+-]?\d+)?", text) else f"({text})"

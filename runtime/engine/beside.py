@@ -220,8 +220,8 @@ def compared(program: Program, seed: int, own: Collection[str]) -> Iterator[int]
     the length at which comparing takes its share of the time.
     """
     entries = program.network.entries
-    rates = sorted({entries[name].every for name in own})
-    first = sorted({every * i for every in rates for i in range(1, FIRST + 1)})
+    rates = sorted({(entries[name].every, entries[name].offset) for name in own})
+    first = sorted({every * i + o for every, o in rates for i in range(1, FIRST + 1)})
     tick, once = 0.0, COMPARED + BLOCK * len(own)
     for name, entry in entries.items():
         numbers = NUMBER * sum(state.size for state in program.plan.states[name])
@@ -231,11 +231,14 @@ def compared(program: Program, seed: int, own: Collection[str]) -> Iterator[int]
     return heapq.merge(first, _one_each(most, rates, np.random.default_rng(seed_of(seed, ""))))
 
 
-def _one_each(most: int, rates: Sequence[int], rng: np.random.Generator) -> Iterator[int]:
+def _one_each(
+    most: int, rates: Sequence[tuple[int, int]], rng: np.random.Generator
+) -> Iterator[int]:
     low, length = FIRST + 1, FIRST
     while True:
         tick = low + int(rng.integers(length))
-        yield tick - tick % rates[int(rng.integers(len(rates)))]
+        every, offset = rates[int(rng.integers(len(rates)))]
+        yield tick - (tick - offset) % every
         low, length = low + length, min(4 * length, most)
 
 

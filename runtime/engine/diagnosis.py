@@ -40,7 +40,7 @@ class Diagnosis:
         """The blocks' diagnoses of a run of so many base ticks."""
         found = []
         for name, entry in self.network.entries.items():
-            taken = -(-ticks // entry.every)
+            taken = -((entry.offset - ticks) // entry.every)
             watched = tuple(self.seen.get(name, ()))
             try:
                 message = list(entry.block.diagnose(self.states[name], taken, watched))

@@ -16,6 +16,7 @@ import numpy as np
 from blocks.core import FloatArray, ParameterError
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
+from runtime.engine.events import FOUND, TICK, TIME
 from runtime.engine.interrupts import stoppable
 from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
@@ -36,15 +37,11 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.solvers import (
-    FOUND,
-    TICK,
-    TIME,
     blend,
     controls,
     joined,
     judged,
     method_of,
-    narrowed,
     refused,
     substep,
 )
@@ -54,6 +51,7 @@ from runtime.engine.values import (
     OutputChecks,
     Zeros,
     bad_slope,
+    event_names,
     floats,
     sealed,
     unreached,
@@ -75,6 +73,7 @@ class Outcome:
 
     ``stopped_at`` is the time (s) at which ``run.stop`` ended it. ``python_from`` is the tick from
     which a compiled run was under the Python engine; ``notes`` say why.
+    ``events`` are the times and guards of the located events, if a probe records some.
     ``ready_s`` is the part of ``wall_s`` before the second tick: initial states, compilation.
     """
 
@@ -87,6 +86,7 @@ class Outcome:
     error: SimulationError | None = None
     stopped_at: float | None = None
     python_from: int | None = None
+    events: FloatArray | None = None
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -192,6 +192,8 @@ class Engine:
             with stoppable():
                 held = self._first_tick()
                 outcome.ready_s = time.perf_counter() - began
+                if self.profile is not None:
+                    self.profile.restart()
                 self._loop(held, progress)
             if self.state.stop[FOUND]:
                 outcome.status, outcome.stopped_at = "stopped", float(self.state.stop[TIME])
@@ -205,6 +207,8 @@ class Engine:
             outcome.python_from, outcome.notes = self.exact.python_from, self.exact.notes
         outcome.wall_s = time.perf_counter() - began
         outcome.arrays = self.recorder.finish(self.state.tick)
+        count = self.state.arrays.get("run/count")
+        outcome.events = None if count is None else self.namespace["log"][: int(count[0])]
         return outcome
 
     def _first_tick(self) -> Held:
@@ -277,7 +281,7 @@ class Engine:
         self.namespace |= self._continuous_names()
         self.namespace |= loop_names(self.plan, self.state.arrays)
         if self.program.observation.stop is not None:
-            self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
+            self.namespace["stop"] = self.state.stop
         names = self.program.names
         for name, entry in self.network.entries.items():
             self.namespace[names.blocks[name]] = entry.block
@@ -365,9 +369,9 @@ class Engine:
             move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
             **jacobian,
+            **event_names(part, self.state.arrays),
             "states": self.state.continuous,
             "start": np.zeros(size),
-            "origin": np.zeros(size),
             "slopes": slopes,
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,

@@ -26,7 +26,8 @@ CONTINUOUS_NAMES = (
     *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
     *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached", "refused"),
     *("ArithmeticError", "ValueError"),
-    *("stop", "origin", "span", "beyond", "narrowed"),
+    *("stop", "beyond", "search", "sides", "directions", "guards", "fired", "edges", "found"),
+    *("opened", "proposed", "decided", "restless", "reached", "which", "noted", "log", "count"),
 )
 
 

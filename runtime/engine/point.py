@@ -23,6 +23,7 @@ from runtime.engine.python_text import PythonText
 from runtime.engine.state import Checkpoint, Held
 from runtime.network import Endpoint
 from runtime.plan import (
+    ALWAYS,
     Argument,
     Call,
     Operation,
@@ -82,10 +83,10 @@ class PointText(PythonText):
         ]
         self.begin("probe_tick(k, t, held, probe_u)", held)
         self.operations(first)
-        self.at(1)
+        self.at(ALWAYS)
         self.watch(watched)
         self.operations(last)
-        self.at(1)
+        self.at(ALWAYS)
         self.line(1, f"return ({names},), probe_y" if names else "return (), probe_y")
 
     def flow(
@@ -95,16 +96,16 @@ class PointText(PythonText):
         self.begin("probe_flow(t, held, probe_u)", held)
         self.line(1, "stage = 0")
         self.operations(operations)
-        self.at(1)
+        self.at(ALWAYS)
         self.watch(watched)
         self.line(1, f"return {'slopes[0].tolist()' if self.plan.row.size else '[]'}, probe_y")
 
     def begin(self, signature: str, held: Sequence[Signal]) -> None:
-        self.rate = 0
+        self.rate = ALWAYS
         self.line(0, f"def {signature}:")
         if held:
             self.line(1, f"({', '.join(map(self.names.of, held))},) = held")
-        self.at(1)
+        self.at(ALWAYS)
 
     def watch(self, watched: Sequence[Source]) -> None:
         self.code("probe_y = []")
@@ -322,7 +323,8 @@ def labels(address: str, kind: SignalType) -> list[str]:
     """The addresses of the numbers of a signal."""
     if kind.form == "scalar":
         return [address]
-    parts = kind.components if kind.form == "record" else range(math.prod(kind.shape))
+    table = len(kind.shape) > 1
+    parts = map(str, range(math.prod(kind.shape))) if table else kind.names
     return [f"{address}.{part}" for part in parts]
 
 

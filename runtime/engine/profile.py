@@ -14,7 +14,10 @@ CLOCK, SPENT = "clock", "spent"
 
 @dataclass
 class Profile:
-    """Seconds and calls of each block, by name."""
+    """Seconds and calls of each block, by name, from the second tick on.
+
+    The first tick imports and builds what blocks need, as a run's time per tick does not count it.
+    """
 
     seconds: dict[str, float] = field(default_factory=dict)
     calls: dict[str, int] = field(default_factory=dict)
@@ -27,6 +30,11 @@ class Profile:
             self.seconds[block] = self.seconds.get(block, 0.0) + took / len(names)
             self.calls[block] = self.calls.get(block, 0) + 1
 
+    def restart(self) -> None:
+        """Forget what was measured."""
+        self.seconds.clear()
+        self.calls.clear()
+
     def names(self) -> dict[str, Any]:
         """The names that the function's text refers to."""
         return {CLOCK: time.perf_counter, SPENT: self}
@@ -34,6 +42,10 @@ class Profile:
     def rows(self, ticks: int, wall_s: float) -> list[dict[str, Any]]:
         """One row per block, the slowest first, and one for everything else: checks of values,
         recording, the loop itself and the clock.
+
+        Parameters
+        ----------
+        ticks : after the first one. wall_s : their time (s).
         """
         rest = max(0.0, wall_s - sum(self.seconds.values()))
         spent = sorted(self.seconds.items(), key=lambda item: -item[1])

@@ -8,7 +8,7 @@ bytecode, each made when it is first asked for. ``program.source()`` is the func
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from types import CodeType
 
@@ -20,7 +20,7 @@ from runtime.engine.recorder import buffer_rows, buffered
 from runtime.engine.stack_text import StackedText
 from runtime.network import Network
 from runtime.observation import Observation
-from runtime.plan import Plan, Stacking, make_plan
+from runtime.plan import Integrate, Plan, Stacking, make_plan
 
 FILENAME = "<the plan>"
 
@@ -45,6 +45,8 @@ class Program:
     observation : what to record; ``gathered`` has the rows of the buffers of the probes that go
         to disk.
     profiled : with a clock around each call of a block.
+    earlier : a program whose texts are used again if its plan is the same, as that of a graph with
+        other numbers is.
 
     Raises
     ------
@@ -54,18 +56,30 @@ class Program:
     network: Network
     observation: Observation
     profiled: bool = False
+    earlier: InitVar[Program | None] = None
     plan: Plan = field(init=False)
     gathered: Mapping[str, int] = field(init=False)
     names: Names = field(init=False)
+    _origin: Program | None = field(init=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, earlier: Program | None) -> None:
         network, probes = self.network, self.observation.probes
         gathered = buffer_rows(probes, network.ticks, network.memory)
         buffers = {name: buffered(probe, gathered) for name, probe in probes.items()}
         plan = make_plan(network, self.observation, buffers)
+        if earlier is not None and not (
+            earlier.profiled == self.profiled and _is_same(earlier.plan, plan)
+        ):
+            earlier = None
         object.__setattr__(self, "gathered", gathered)
-        object.__setattr__(self, "plan", plan)
-        object.__setattr__(self, "names", names_of(plan))
+        object.__setattr__(self, "plan", plan if earlier is None else earlier.plan)
+        object.__setattr__(self, "names", names_of(plan) if earlier is None else earlier.names)
+        object.__setattr__(self, "_origin", None if earlier is None else earlier.origin)
+
+    @property
+    def origin(self) -> Program:
+        """The first program with this plan, whose texts the others use."""
+        return self if self._origin is None else self._origin
 
     @cached_property
     def contexts(self) -> Mapping[str, BlockContext]:
@@ -101,6 +115,9 @@ class Program:
     @cached_property
     def code(self) -> Code:
         """The function's bytecode."""
+        # Which calls are stacked depends on numbers, too.
+        if self._origin is not None and self._origin.stacking.steps == self.stacking.steps:
+            return self._origin.code
         printer = self._stacked()
         text = printer.function(self.stacking.steps, self.held, self.held)
         return Code((compile(text, FILENAME, "exec"),), printer.lines)
@@ -108,6 +125,14 @@ class Program:
     @cached_property
     def first(self) -> Code:
         """The first tick, with checks of every value's form, as statements in pieces."""
+        if self._origin is not None:
+            return self._origin.first
         printer = self.printer(checked=True)
         pieces = printer.pieces(self.plan.operations)
         return Code(tuple(compile(each, FILENAME, "exec") for each in pieces), printer.lines)
+
+
+def _is_same(one: Plan, other: Plan) -> bool:
+    """Whether two plans have the same texts. The coupling of states is not compared with plans."""
+    implicit = any(isinstance(o, Integrate) and o.coupling is not None for o in other.operations)
+    return one == other and not implicit

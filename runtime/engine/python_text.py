@@ -10,17 +10,20 @@ In go operations and the names of their values, out comes text, and which block 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from blocks.core import SignalType
 from runtime.engine.naming import Names
-from runtime.engine.solvers import method_of
+from runtime.engine.python_values import absent, finite_test
+from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
+    ALWAYS,
     Argument,
     Call,
     Gate,
+    GuardSlot,
     Integrate,
     Operation,
     Plan,
@@ -39,12 +42,12 @@ from runtime.plan import (
 INDENT = "    "
 # The operations of a piece at least: Python's compiler takes a hundred times a text's memory.
 PIECE = 1000
-# When a run stops: conditions on the distance ``beyond`` of a signal from the level. The compiled
-# plan has the same, in C.
+# When a run stops at a tick, by direction: conditions on the distance ``beyond`` of a signal from
+# the level and that of the last tick, NaN on the first one. The compiled plan has them in C.
 CONDITIONS = {
-    "above": "beyond > 0.0",
-    "below": "beyond < 0.0",
-    "crosses": "(stop[3] < 0.0 and beyond >= 0.0) or (stop[3] > 0.0 and beyond <= 0.0)",
+    1.0: "stop[1] <= 0.0 and beyond > 0.0",
+    -1.0: "stop[1] >= 0.0 and beyond < 0.0",
+    0.0: "(stop[1] < 0.0 and beyond >= 0.0) or (stop[1] > 0.0 and beyond <= 0.0)",
 }
 
 
@@ -66,7 +69,7 @@ class PythonText:
         self.leave = ""
         self.text: list[str] = []
         self.lines: dict[int, str] = {}
-        self.rate = 0
+        self.rate = ALWAYS
         self.depth = 2
         self.between_ticks = False
         self.printers: dict[type[Any], Callable[[Any], None]] = {
@@ -108,7 +111,7 @@ class PythonText:
             if i - first < PIECE and i < last and not isinstance(each, (Stop, Integrate)):
                 continue
             begin = len(self.text)
-            self.rate = 0
+            self.rate = ALWAYS
             self.operations(operations[first : i + 1])
             yield "\n" * begin + "\n".join(self.text[begin:]) + "\n"
             first = i + 1
@@ -119,7 +122,7 @@ class PythonText:
             self.lines[len(self.text)] = block
 
     def code(self, text: str, block: str = "") -> None:
-        self.line(self.depth + (self.rate > 1), text, block)
+        self.line(self.depth + (self.rate.every > 1), text, block)
 
     # Gates
 
@@ -129,7 +132,7 @@ class PythonText:
         for each in operations:
             if each.gate.once:
                 continue
-            self.at(each.gate.every)
+            self.at(each.gate.rate)
             # A call with its tests is under one condition, and each call has its own.
             if not self.continues(before, each) and each.gate.switches:
                 self.code(self.condition(before, each.gate))
@@ -138,11 +141,11 @@ class PythonText:
             self.depth -= bool(each.gate.switches)
             before = each
 
-    def at(self, every: int) -> None:
-        """Set the rate: the code that follows runs on every ``every``-th tick."""
-        if every != self.rate and every > 1:
-            self.line(self.depth, f"if k % {every} == 0:")
-        self.rate = every
+    def at(self, rate: Gate) -> None:
+        """Set the rate: the code that follows runs on the ticks on which it is due."""
+        if rate != self.rate and rate.every > 1:
+            self.line(self.depth, f"if {rate.due('k').format('or')}:")
+        self.rate = rate
 
     def continues(self, before: Step | None, each: Step) -> bool:
         """Whether an operation is under the condition of the one before it."""
@@ -154,7 +157,7 @@ class PythonText:
 
     def condition(self, before: Step | None, gate: Gate) -> str:
         """The line that opens what is done while switches are on, or while one is off."""
-        if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
+        if gate.is_off and before is not None and before.gate == replace(gate, is_off=False):
             return "else:"
         on = " and ".join(map(self.names.of, gate.switches))
         on = f"({on})" if gate.is_off and len(gate.switches) > 1 else on
@@ -170,7 +173,8 @@ class PythonText:
             around = f"checked({call.block!r}, {ports!r}, {{}})"
         elif call.rates:
             targets, around = self.slopes(call)
-        given = [self.names.states[call.block], *(["t"] if call.takes_time else [])]
+        given = [self.names.states[call.block], *["t"] * call.takes_time]
+        given += ["float(which)"] * call.takes_which
         given += map(self.argument, call.arguments)
         text = f"{self.names.blocks[call.block]}.{call.method}({', '.join(given)})"
         equals = f"{', '.join(targets)} = " if targets else ""
@@ -189,6 +193,8 @@ class PythonText:
 
     def slopes(self, call: Call) -> tuple[list[str], str]:
         """Where rates of change are written in the row of the stage, and what makes them fit."""
+        if isinstance(call.rates[0], GuardSlot):
+            return [f"guards[{_place(call.rates[0])}]"], "{}"
         targets, around = [f"slopes[stage, {_place(slot)}]" for slot in call.rates], "{}"
         if any(len(slot.shape) > 1 for slot in call.rates):
             targets, around = [_whole(call.rates)], "joined({})"
@@ -279,60 +285,44 @@ class PythonText:
 
     def stop_at_tick(self, stop: Stop) -> None:
         """End the run at a tick at which the condition holds."""
-        self.code(f"beyond = {self.tested(stop)} - {stop.level!r}")
-        self.code(f"if {CONDITIONS[stop.kind]}:")
-        self.code(f"{INDENT}stop[2], stop[4], stop[5] = 1.0, k, t")
+        self.code(f"beyond = {self.tested(stop)}")
+        self.code(f"if {CONDITIONS[stop.direction]}:")
+        self.code(f"{INDENT}stop[0], stop[2], stop[3] = 1.0, k, t")
         self.code(INDENT + self.leave)
-        self.code("stop[3] = beyond")
+        self.code("stop[1] = beyond")
 
     def tested(self, stop: Stop) -> str:
-        """The signal that may end the run, as an expression."""
+        """The distance of the signal that may end the run from the level."""
         is_whole_state = not (isinstance(stop.source.whole, Signal) or stop.source.component)
-        return self.source(stop.source) + ("[()]" if is_whole_state else "")
+        return f"{self.source(stop.source)}{'[()]' * is_whole_state} - {stop.level!r}"
 
     # The continuous part
 
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
         self.between_ticks = True  # the form of outputs was checked at the tick
-        if part.stop is None:
-            self.integrated(part, self.dt)
+        method = method_of(part.solver, part.colours)
+        if part.ends_steps:
+            self.located(part, method)
+        elif method.errors:
+            self.code("done = 0.0")
+            self.code(f"while done < {self.dt}:")
+            self.depth += 1
+            self.code(f"h = substep(control, done, {self.dt})")
+            self.code("start[:] = states")
+            self.attempt(part, method)
+            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {self.dt})")
+            self.code("done >= 0.0 or unreached(done, t)")
+            self.operations(part.projections)
+            self.depth -= 1
         else:
-            self.searched(part, part.stop)
+            self.code("start[:] = states")
+            self.stages(part, method, self.dt, f"nodes[stage] * {self.dt}")
+            self.operations(part.projections)
         self.between_ticks = False
 
-    def searched(self, part: Integrate, stop: Stop) -> None:
-        """Integrate again and again, to locate the time at which the run stops."""
-        dt = self.dt
-        self.code("origin[:] = states")
-        self.code(f"stop[0], stop[1], span = 0.0, {dt}, {dt}")
-        self.code("while span > 0.0:")
-        self.depth += 1
-        self.code("states[:] = origin")
-        self.integrated(part, "span")
-        self.code(f"t = k * {dt} + span")
-        self.operations(part.watch)
-        self.code(f"beyond = {self.tested(stop)} - {stop.level!r}")
-        self.code(f"span = narrowed(stop, {CONDITIONS[stop.kind]}, span, {dt})")
-        self.depth -= 1
-        self.code("if stop[2] > 0.0:")
-        self.code(f"{INDENT}stop[4], stop[5] = k, k * {dt} + stop[1]")
-        self.code(INDENT + self.leave)
-
-    def integrated(self, part: Integrate, span: str) -> None:
-        """Integrate the continuous states over a span from the tick."""
-        method = method_of(part.solver, part.colours)
-        h, since = span, f"nodes[stage] * {span}"
-        if method.errors:
-            h, since = "h", "(done + nodes[stage] * h)"
-            self.code("done = 0.0")
-            self.code(f"while done < {span}:")
-            self.depth += 1
-            self.code(f"h = substep(control, done, {span})")
-        self.code("start[:] = states")
-        if method.errors:
-            self.code("try:")
-        self.depth += bool(method.errors)
+    def stages(self, part: Integrate, method: Method, h: str, since: str) -> None:
+        """The stages of one step of the solver."""
         self.code(f"for stage in range({method.stages}):  # {part.solver}")
         self.depth += 1
         self.code(f"t = k * {self.dt} + {since}")
@@ -340,17 +330,87 @@ class PythonText:
         self.code("isfinite(sum(slopes[stage].tolist())) or bad_slope(stage, t)")
         self.code(f"blend(states, start, slopes, weights, stage, {h})")
         self.depth -= 1
-        if method.errors:
-            self.depth -= 1
-            # A stage beyond where a rate of change is defined: the step is too long.
-            self.code("except (ArithmeticError, ValueError):")
-            self.code(f"{INDENT}if refused(states, start, control, h) < 0.0:")
-            self.code(f"{INDENT * 2}raise")
-            self.code(f"{INDENT}continue")
-            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {span})")
-            self.code("done >= 0.0 or unreached(done, t)")
+
+    def attempt(self, part: Integrate, method: Method, undo: str = "") -> None:
+        """A step that is too long where a stage is beyond what a rate of change is defined for."""
+        self.code("try:")
+        self.depth += 1
+        self.stages(part, method, "h", "(done + nodes[stage] * h)")
+        self.depth -= 1
+        self.code("except (ArithmeticError, ValueError):")
+        self.code(f"{INDENT}if refused(states, start, control, h) < 0.0:")
+        self.code(f"{INDENT * 2}raise")
+        if undo:
+            self.code(f"{INDENT}{undo}")
+        self.code(f"{INDENT}continue")
+
+    def located(self, part: Integrate, method: Method) -> None:
+        """Integrate in steps that end at edges and events; see ``engine/events.py``."""
+        dt = self.dt
+        self.code(f"opened(search, edges, k * {dt}, {dt})")
+        self.code("while search[0] > 0.0:")
+        self.depth += 1
+        self.code("done = search.item(1)")
+        self.code(f"h = proposed(search, sides, edges, k * {dt}, {dt})")
+        self.code("if h > 0.0:")
+        self.depth += 1
+        self.ending_step(part, method)
+        self.depth -= 1
+        self.code(f"t = k * {dt} + (done + h)")
+        self.operations(part.watch)
+        for crossing in part.crossings:
+            if isinstance(crossing.guards, Stop):
+                self.code(f"guards[{crossing.start}] = {self.tested(crossing.guards)}")
+            else:
+                self.operations([crossing.guards])
+        self.code(f"found = decided(search, sides, directions, guards, fired, h, {dt})")
+        self.code("if found == 1.0:")
+        self.code(f"{INDENT}continue")
+        self.code("found < 4.0 or restless(t)")
         self.operations(part.projections)
-        self.depth -= bool(method.errors)
+        self.code("if found > 1.0:")
+        self.depth += 1
+        self.happened(part)
+        self.depth -= 2
+        if self.plan.can_stop:
+            self.code("if stop[0] > 0.0:")
+            self.code(INDENT + self.leave)
+
+    def ending_step(self, part: Integrate, method: Method) -> None:
+        """A step, or a shorter one from the same start."""
+        self.code("if search[0] == 2.0:")
+        if method.errors:
+            self.code(f"{INDENT}h = substep(control, done, done + h)")
+        self.code(f"{INDENT}start[:] = states")
+        self.code("else:")
+        self.code(f"{INDENT}states[:] = start")
+        if not method.errors:
+            self.stages(part, method, "h", "(done + nodes[stage] * h)")
+            return
+        self.attempt(part, method, "search[0] = 2.0")
+        self.code("if search[0] == 2.0:")
+        given = "states, start, slopes, errors, control, done, h, search[2]"
+        self.code(f"{INDENT}reached = judged({given})")
+        self.code(f"{INDENT}reached >= 0.0 or unreached(reached, t)")
+        self.code(f"{INDENT}if reached == done:")
+        self.code(f"{INDENT * 2}continue")
+
+    def happened(self, part: Integrate) -> None:
+        """What follows at the time of an event or an edge."""
+        self.code(f"t = k * {self.dt} + search.item(1)")
+        if part.log:
+            self.code("noted(log, count, fired, t)")
+        for crossing in part.crossings:
+            if isinstance(crossing.guards, Stop):
+                self.code(f"if fired[{crossing.start}] > 0.0:")
+                self.code(f"{INDENT}stop[0], stop[2], stop[3], search[0] = 1.0, k, t, 0.0")
+            elif crossing.event is not None:
+                self.code(f"for which in range({len(crossing.directions)}):")
+                self.code(f"{INDENT}if fired[{crossing.start} + which] > 0.0:")
+                self.depth += 2
+                self.operations([crossing.event])
+                self.depth -= 2
+        self.operations(part.after)
 
 
 def row(record: Record) -> str:
@@ -358,36 +418,6 @@ def row(record: Record) -> str:
     every = record.gate.every
     number = "k" if every == 1 else f"k // {every}"
     return f"{number} % {record.rows}" if record.rows else number
-
-
-def absent(kind: SignalType, number: float) -> str:
-    """The expression of an open input's value; an array is created anew on each tick.
-
-    Otherwise a block that writes into an input would change what it reads on the next tick.
-    """
-    text = repr(number) if math.isfinite(number) else f"float({str(number)!r})"
-    if kind.form == "array":
-        return f"full({kind.shape!r}, {text})"
-    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
-
-
-def finite_test(signals: dict[str, SignalType]) -> str:
-    """An expression that is true while signals hold only valid numbers.
-
-    It is fast, and false as well where the sum or the square of large numbers is infinite: what it
-    calls wrong is looked at again. ``np.dot`` would warn of these squares.
-    """
-    finite: list[str] = []
-    others: list[str] = []
-    for variable, kind in signals.items():
-        if kind.form == "scalar":
-            finite.append(variable)
-        elif kind.form == "record":
-            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
-        else:
-            (finite if kind.finite else others).append(f"vdot({variable}, {variable})")
-    tests = [f"isfinite({' + '.join(finite)})"] if finite else []
-    return " and ".join(tests + [f"not isnan({term})" for term in others])
 
 
 def _place(slot: Slot) -> str:

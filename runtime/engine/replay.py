@@ -17,8 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from runtime.engine.beside import Beside
+from runtime.engine.events import FOUND
 from runtime.engine.runners import CompiledError, CompiledPlan, Run
-from runtime.engine.solvers import FOUND
 from runtime.engine.state import Checkpoint, Held, NotCopiedError, RunState
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from blocks.core import Same
+from blocks.core import Same, state_shape
 from runtime.engine.solvers import method_of
-from runtime.network import Network, state_shape
+from runtime.network import Network
 from runtime.plan import continuous_row
 from runtime.toolchain import available, find_compiler, install_command
 
@@ -59,7 +59,7 @@ def python_seconds(network: Network) -> float:
             context = network.context(name)
             for declared in spec.states.values():
                 length = 1
-                for side in state_shape(entry.block, declared, context, spec):
+                for side in state_shape(entry.block, declared, context):
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every
@@ -69,7 +69,7 @@ def python_seconds(network: Network) -> float:
 def _stages(network: Network) -> float:
     """The estimated time (s) of the stages of a solver in one tick."""
     entries = network.entries.values()
-    if not any(entry.cls.spec.continuous for entry in entries):
+    if not network.is_continuous:
         return 0.0
     again = [entry for entry in entries if entry.is_memoryless or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)

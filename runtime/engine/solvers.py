@@ -193,35 +193,6 @@ def moved(
         states[i] = start[i] + total
 
 
-# The entries of ``stop``, the search for the time at which a run stops: bounds (s since the tick),
-# whether it was found, the distance of the signal from the level at the last tick, the tick and the
-# time at which the run stopped.
-LOW, HIGH, FOUND, BEFORE, TICK, TIME = range(6)
-# Where the search ends, as a share of a tick.
-NARROW = 1e-12
-
-
-def narrowed(stop: FloatArray, met: bool, span: float, dt: float) -> float:
-    """The next span (s since the tick) to integrate in the search for a stop; 0 at its end.
-
-    Parameters
-    ----------
-    met : whether the condition holds after ``span``.
-    """
-    if stop[FOUND] > 0.0:
-        return 0.0
-    if met:
-        stop[HIGH] = span
-    elif span == dt:
-        return 0.0
-    else:
-        stop[LOW] = span
-    if stop[HIGH] - stop[LOW] > NARROW * dt:
-        return float(0.5 * (stop[LOW] + stop[HIGH]))
-    stop[FOUND] = 1.0
-    return float(stop[HIGH])
-
-
 def substep(control: FloatArray, done: float, dt: float) -> float:
     """The next step (s) of a solver that has done this part of a tick, so that it lands on dt."""
     if done == 0.0 and control[REJECTED] == 0.0:
@@ -271,12 +242,7 @@ def judged(
         if ratio > worst:
             worst, column = ratio, i
     control[COUNT] += 1.0
-    factor = 0.2
-    if worst <= 5e-4:
-        factor = 5.0
-    elif worst < 1e3:
-        factor = min(5.0, max(0.2, 0.9 * worst**-0.2))
-    following = h * factor
+    following = h * growth(worst)
     if worst <= 1.0:
         if control[REJECTED] > 0.0:
             following = min(following, h)
@@ -296,6 +262,13 @@ def judged(
     if done < dt and (control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS):
         return -1.0 - column
     return done
+
+
+def growth(worst: float) -> float:
+    """By how much the next step is longer after an error in tolerances."""
+    if worst <= 5e-4:
+        return 5.0
+    return min(5.0, max(0.2, 0.9 * worst**-0.2)) if worst < 1e3 else 0.2
 
 
 def estimated(

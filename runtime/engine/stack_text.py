@@ -20,7 +20,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from blocks.core import Scalar, SignalType
-from runtime.engine.python_text import INDENT, PythonText, absent, finite_test
+from runtime.engine.python_text import INDENT, PythonText
+from runtime.engine.python_values import absent, finite_test
 from runtime.plan import ALWAYS, Argument, Gate, Port, Signal, Source, Stack, Step
 
 
@@ -30,7 +31,7 @@ class StackedText(PythonText):
     def __init__(self, *given: Any, **options: Any) -> None:
         super().__init__(*given, **options)
         self.printers[Stack] = self.stack
-        # Variables with the values of several signals, and when they are computed.
+        # Flat arrays with the values of several signals, and when they are computed.
         self.together: dict[tuple[Port | None, ...], tuple[str, Gate]] = {}
 
     def continues(self, before: Step | None, each: Step) -> bool:
@@ -49,7 +50,8 @@ class StackedText(PythonText):
             whole = f"stack_{stack.number}_{signals[0].port}"
             self.code(f"{whole} = sealed({text})", stack.block)
             self.code(f"{', '.join(map(self.names.of, signals))}, = {whole}")
-            self.together[tuple(signal.key for signal in signals)] = whole, stack.gate
+            keys = tuple(signal.key for signal in signals)
+            self.together[keys] = f"{whole}.reshape(-1)", stack.gate
         if self.profiled:
             self.code(f"spent({tuple(call.block for call in stack.calls)!r}, began)")
         if signals:
@@ -77,7 +79,7 @@ class StackedText(PythonText):
         if None not in keys and keys in self.together:
             variable, gate = self.together[keys]
             if gate in (ALWAYS, stack.gate):
-                return f"{variable}.reshape(-1)"
+                return variable
         numbers = all(s is None or s.kind.form == "scalar" for s in sources)
         form = Scalar if numbers and kind.shape == (1,) else kind
         values = ", ".join(self.each(source, form, default) for source in sources)

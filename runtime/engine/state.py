@@ -23,8 +23,8 @@ import numpy as np
 
 from blocks.core import BlockState, FloatArray
 from blocks.registry import is_built_in
+from runtime.engine.events import BEFORE, SEARCH, UNKNOWN
 from runtime.engine.program import Program
-from runtime.engine.solvers import BEFORE
 
 Held = tuple[Any, ...]
 Array = np.ndarray[Any, Any]
@@ -96,9 +96,15 @@ class RunState:
     def __post_init__(self) -> None:
         entries = self.program.network.entries
         self.continuous = np.zeros(self.program.plan.row.size)
-        self.stop = np.zeros(6)
+        self.stop = np.zeros(4)
         self.stop[BEFORE] = math.nan
         self.arrays = {"run/continuous": self.continuous, "run/stop": self.stop}
+        part = self.program.plan.integration
+        if part is not None and part.ends_steps:
+            self.arrays["run/search"] = np.zeros(SEARCH)
+            self.arrays["run/sides"] = np.where(part.directions > 1.0, -1.0, UNKNOWN)
+            self.arrays["run/guards"] = np.zeros(len(part.directions))
+            self.arrays["run/count"] = np.zeros(1)
         self.rows = {
             members: {
                 state.name: np.zeros((len(members), *state.shape))

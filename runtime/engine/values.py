@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
 
-from blocks.core import FloatArray, SignalType
+from blocks.core import FloatArray, SignalType, state_shape
+from runtime.engine.events import MAX_EVENTS, decided, noted, opened, proposed
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
-from runtime.network import Network, state_shape
+from runtime.network import Network
 from runtime.plan import Integrate
 
 
@@ -120,7 +123,7 @@ class OutputChecks:
         if block not in self._shapes:  # an implicit solver asks thousands of times on one tick
             states = (spec.states[name] for name in names)
             context = self.network.context(block)
-            self._shapes[block] = [state_shape(entry.block, s, context, spec) for s in states]
+            self._shapes[block] = [state_shape(entry.block, s, context) for s in states]
         given = (value,) if len(names) == 1 else value
         for name, rate, shape in zip(names, given, self._shapes[block], strict=True):
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":
@@ -159,6 +162,35 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
         f"at t = {t:g} {part.time_unit}; the "
         f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
         slot.block,
+    )
+
+
+def event_names(part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
+    """What the text of a graph refers to whose steps end at events or edges."""
+    if not part.ends_steps:
+        return {}
+    fired = np.zeros(len(part.directions))
+    return {
+        **{key: arrays[f"run/{key}"] for key in ("search", "sides", "guards", "count")},
+        "directions": np.where(part.directions > 1.0, 0.0, part.directions),
+        "fired": fired,
+        "edges": part.edges,
+        "log": np.empty((max(1, part.log), 2)),  # its memory is used where something is written
+        **{each.__name__: each for each in (opened, proposed, decided, noted)},
+        "restless": partial(restless, part, fired),
+    }
+
+
+def restless(part: Integrate, fired: FloatArray, t: float) -> NoReturn:
+    """Raise the error of events without end in one tick; called by the plan."""
+    first = int(np.flatnonzero(fired)[0])
+    block = next(each.block for each in part.crossings if each.stop > first)
+    raise NotFiniteError(
+        f"more than {MAX_EVENTS} events since the tick, the last at t = {t:g} {part.time_unit}: "
+        "they follow each other ever faster. A switch that undoes itself needs a hysteresis (of a "
+        "Relay, switch_on above switch_off), an event should leave its condition; with "
+        "run: {events: ticks}, each acts at most once a tick",
+        block,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 
-from blocks.core import hint
+from blocks.core import Block, hint
 from runtime.errors import GraphError, Problem, UsageError
 from runtime.network import Network, enables_of
 from runtime.plan import Call, Operation, Plan, Port, Restore, Test, Zero
@@ -43,7 +43,7 @@ class Selection:
 
     def every(self, port: Port) -> int:
         """How many base ticks an output holds."""
-        return self.network.entries[port[0]].every
+        return self.network.entries[port[0]].grid
 
 
 def named_blocks(network: Network, names: Sequence[str], others: Sequence[str]) -> frozenset[str]:
@@ -148,6 +148,8 @@ def _check_evaluation(selection: Selection) -> None:
                 f"'{name}' cannot be exported: it has continuous states, which the graph's solver "
                 "integrates between two ticks; export blocks that are sampled"
             )
+            if type(entry.block).discretized is not Block.discretized:
+                message += f", which --discretize tustin:{name} makes of it"
             problems.append(Problem(entry.node.where, entry.address, message))
     if problems:
         raise GraphError(problems)

@@ -118,7 +118,8 @@ class StepText(CText):
             self.received(port)
         self.operations(self.selection.operations)
         for block, member, _, test in self.layout.checked_states():
-            self.within(Gate(self.network.entries[block].every))
+            entry = self.network.entries[block]
+            self.within(Gate(entry.every, offset=entry.offset))
             size = self.layout.sizes[member]
             self.check(f"!{test}(c->{member}, {size})", "state", member)
         self.within(Gate())

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blocks.core import Block, SignalType
-from blocks.registry import Modules
+from blocks.registry import Modules, is_built_in
 from runtime.document import Node, Override, without_unused
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
 from runtime.network import BlockCache, Edit, Network, build, closes_loop, update
@@ -18,6 +18,34 @@ if TYPE_CHECKING:
     from runtime.engine import Program
 
 
+Programs = dict[tuple[str | None, bool], "Program"]
+
+
+@dataclass
+class Reuse:
+    """What a graph and its changed copies share, of the one that was checked last.
+
+    Everything is checked again; what a change does not touch is only not made again: a block with
+    the same parameters, and the texts and the compiled code of a program with the same plan. So a
+    sweep over a number constructs one block anew.
+    """
+
+    blocks: dict[tuple[type[Block], str], Block] = field(default_factory=dict)
+    programs: Programs = field(default_factory=dict)
+
+    def keep(self, blocks: Mapping[tuple[type[Block], str], Block], network: Network) -> None:
+        """Keep the blocks of a network; not those that may depend on more than their parameters.
+
+        They are blocks of users, and blocks that have read a file.
+        """
+        used = {id(entry.block_or_none) for entry in network.entries.values()}
+        self.blocks = {
+            key: block
+            for key, block in blocks.items()
+            if id(block) in used and is_built_in(key[0]) and not block.files
+        }
+
+
 @dataclass(frozen=True)
 class Content:
     """All that a graph consists of.
@@ -25,7 +53,8 @@ class Content:
     classes, signal_types : of blocks that were added in Python, by name.
     source : the file that the graph was loaded from. files : content of all files read.
     modules : whether Python files that the graph names may be imported, or how they are read.
-    made : blocks that were constructed before, which are used again.
+    block_cache : blocks that were constructed before, of other graphs, too.
+    reuse : what the copies of a graph share.
     """
 
     document: Node
@@ -37,6 +66,7 @@ class Content:
     modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
     block_cache: BlockCache | None = None
+    reuse: Reuse = field(default_factory=Reuse, compare=False)
 
     def changed(
         self,
@@ -57,7 +87,8 @@ class CheckedGraph:
 
     network: Network
     observation: Observation
-    programs: dict[tuple[str | None, bool], Program] = field(default_factory=dict)
+    programs: Programs = field(default_factory=dict)
+    earlier: Programs = field(default_factory=dict)
 
     def program(self, plots: Container[str] | None, profiled: bool) -> Program:
         from runtime.engine import Program
@@ -65,7 +96,8 @@ class CheckedGraph:
         key = (None if plots is None else repr(plots), profiled)
         if key not in self.programs:
             observation = self.observation if plots is None else self.observation.only_for(plots)
-            self.programs[key] = Program(self.network, observation, profiled)
+            program = Program(self.network, observation, profiled, self.earlier.get(key))
+            self.programs[key] = self.earlier[key] = program
         return self.programs[key]
 
     def with_seed(self, seed: int) -> CheckedGraph:
@@ -91,6 +123,7 @@ def examine(content: Content, loops: bool = False) -> Examination:
     """Check a graph however much is wrong with it; ``loops`` looks for algebraic loops as well."""
     problems = Problems()
     network = observation = missing = None
+    blocks = dict(content.reuse.blocks) if content.block_cache is None else content.block_cache
     try:
         network, missing = build(
             content.document,
@@ -98,8 +131,9 @@ def examine(content: Content, loops: bool = False) -> Examination:
             content.classes,
             content.signal_types,
             content.modules,
-            content.block_cache,
+            blocks,
         )
+        content.reuse.keep(blocks, network)
         observation = observe(network, problems, content.modules)
     except GraphError as error:
         return Examination(error.problems, network)
@@ -157,4 +191,5 @@ def check_content(content: Content) -> CheckedGraph:
         raise GraphError(_part_instead(content.document) or examination.problems)
     if examination.missing is not None:
         raise examination.missing
-    return CheckedGraph(examination.network, examination.observation)
+    network, observation = examination.network, examination.observation
+    return CheckedGraph(network, observation, earlier=content.reuse.programs)

@@ -30,7 +30,7 @@ from runtime.document import (
 )
 from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import CheckedGraph, Content, check_content
-from runtime.network import Network, is_variadic, replace_block, source_file
+from runtime.network import Network, discretize, is_variadic, replace_block, source_file
 from runtime.observation import Observation
 
 if TYPE_CHECKING:
@@ -313,6 +313,23 @@ class Graph:
         override = Override("replace", name, kind)
         return self._changed(changed, override, notes=notes)
 
+    def discretized(
+        self, method: str, dt: float | None = None, *names: str, origin: str = ""
+    ) -> Graph:
+        """A copy with continuous blocks, or those named, in discrete time with a step ``dt`` (s).
+
+        ``method`` is "tustin", "zoh" (exact for inputs that hold) or "matched"; ``notes`` list
+        what was replaced: PID, TransferFunction and its like, StateSpace, Integrator.
+
+        Raises
+        ------
+        GraphError : the graph is wrong. UsageError : a name or the method is.
+        """
+        step = self.network.dt if dt is None else dt
+        changed, notes = discretize(self.network, self.document, method, step, names, origin)
+        target = ", ".join(names) or "all"
+        return self._changed(changed, Override("discretize", target, method), notes=tuple(notes))
+
     def with_seed(self, seed: int) -> Graph:
         """A copy with another seed, which shares what is checked and planned."""
         changed = self._set("run.seed", seed)
@@ -429,18 +446,3 @@ class Graph:
             return str(self.diagram("svg")._repr_svg_())  # type: ignore[union-attr]
         except Exception:  # noqa: BLE001 -- a display hook must not raise
             return None
-
-
-def load(source: Source, *, modules: bool = True) -> Graph:
-    """Load a graph from a file, the name of a shipped graph, or a mapping.
-
-    Loading reads text alone. Python files that the text names as ``module`` are imported when the
-    graph is checked, and never with ``modules=False``: their blocks are then errors.
-
-    Raises
-    ------
-    GraphError : the text cannot be read. Use :meth:`Graph.check` for the graph itself.
-    """
-    document, read = read_graph(source)
-    path = None if isinstance(source, Mapping) else Path(document.where.file)
-    return Graph._of(Content(document, source=path, modules=modules, files=read))

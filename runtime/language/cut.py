@@ -27,8 +27,10 @@ _TOP = re.compile(r"^[^\s#][^\n]*", re.MULTILINE)
 _HEADER = re.compile(r"[A-Za-z_]\w*:(?= |$)")
 _BARE = re.compile(r"\w+: *(#.*)?")
 _FIRST = re.compile(r"^( +)[A-Za-z_]", re.MULTILINE)
-# Entries that read other files, and what changes the meaning of lines.
-_ELSEWHERE = re.compile(r"\b(?:module|graph|part|file|repeat|share|blocks)\s*:")
+# Entries that read other files, or are parts, or take parameters of another block.
+_ELSEWHERE = re.compile(
+    r"\b(?:module|graph|part|file|repeat|share|blocks)\s*:|\bplant\s*:\s*[A-Za-z_]"
+)
 # Searched one by one, which is many times as fast as a pattern of all.
 _ODD = ("\r", "\t", "\x85", "\u2028", "\u2029", "\ufeff", "&", " !", "<<:", "\n---", "\n...", "\n%")
 _PARAM = re.compile(r"(?:: +|\[ *|, *)\$([A-Za-z_]\w*) *(?=[,\]}]|$)")

@@ -44,6 +44,7 @@ WORLD_KEYS = {
 BLOCK_DOCS = {
     "type": "the block's type",
     "dt": "the block's own step, s: a whole multiple of run.dt",
+    "offset": "the time of its first tick, s: a whole multiple of run.dt, below its dt",
     "module": "a Python file that defines the type",
     "graph": "the file of a part",
     "params": "values for the part's params",
@@ -88,6 +89,8 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         yield from _key_offers(PROBE_KEYS)
     elif section == "inputs" and len(names) == 1:
         yield from _key_offers(PORT_KEYS)
+    elif section == "defaults":
+        yield from _of_defaults(model, names)
     elif section == "params" and not names:
         yield from offers_of(params_in(model, scope), "param")
 
@@ -147,6 +150,18 @@ def _of_blocks(
         yield from offers_of(params_in(model, part) if part else (), "param")
     else:
         yield from _of_setting(class_of(model, scope, names[0]), names[1:], cursor)
+
+
+def _of_defaults(model: Model, names: list[str]) -> Iterator[Offer]:
+    """Block types and parameters of the graph, or the parameters of a type."""
+    entries = model.network.entries.values() if model.network is not None else ()
+    classes = {entry.cls.__name__: entry.cls for entry in entries}
+    if len(names) == 1 and names[0] in classes:
+        yield from param_offers(classes[names[0]].spec.params)
+    elif not names:
+        yield from _key_offers(dict.fromkeys(sorted(classes), "for blocks of this type"))
+    if len(names) <= 1:
+        yield from _key_offers(BLOCK_DOCS, ("dt", "offset"))
 
 
 def _of_setting(cls: type[Block] | None, keys: Sequence[str], cursor: Cursor) -> Iterator[Offer]:

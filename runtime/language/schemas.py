@@ -22,6 +22,7 @@ from runtime.language.keys import (
     WORLD_KEYS,
 )
 from runtime.language.settings import members_of, root_of
+from runtime.network import BLOCK_KEYS
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
 Schema = dict[str, Any]
@@ -139,8 +140,8 @@ def _type_branch(name: str, cls: type[Block]) -> Schema:
         "required": ["type"],
         "not": {"required": ["module"]},
     }
-    inside = {key: param_schema(key, param) for key, param in cls.spec.params.items()}
-    inside |= dict.fromkeys(("type", "dt", "module"), ANY)
+    inside = dict.fromkeys(BLOCK_KEYS, ANY)
+    inside |= {key: param_schema(key, param) for key, param in cls.spec.params.items()}
     then = _object(inside) | {"description": describe_markdown(cls).split("\n\n")[1]}
     return {"if": condition, "then": then}
 
@@ -196,7 +197,7 @@ def _forms(param: Param) -> Iterable[Schema]:
     simple: dict[str, list[Schema]] = {
         "bool": [{"type": "boolean"}],
         "str": [{"type": "string"}],
-        "signal": [{"type": "string"}],
+        "signal": [{"type": "string"}, {"type": "object"}],
         "float": [number, *degrees],
         "int": [number],
     }
@@ -205,7 +206,8 @@ def _forms(param: Param) -> Iterable[Schema]:
     if param.kind != "array":
         return _setting_forms(param)
     alone = [number, *degrees] if not param.shapes or () in param.shapes else []
-    return [*words, *alone, {"type": "array"}]
+    computed = {"type": "string", "pattern": r"[(\[]"}
+    return [*words, *alone, {"type": "array"}, computed]
 
 
 def _setting_forms(param: Param) -> list[Schema]:

@@ -6,7 +6,7 @@ room for each step, in this order:
     expansion     $names filled in, a scope for each part     (repetition: copies of a part)
     block_types   names of types -> classes                   build: blocks constructed
     wiring        addresses -> wires between blocks           (addresses, components)
-    removal       without, bypass                             (replacement: --replace, before)
+    removal       without, bypass                             (replacement, discretization: before)
     inference     signal types and lengths along the wires    (shapes)
     units         units that contradict each other            open_inputs: what lacks a wire
     enabling      parts that are switched                     initial: states of earlier runs
@@ -22,6 +22,7 @@ from runtime.network.components import (
     first_column,
     unknown_component,
 )
+from runtime.network.discretization import discretize
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
@@ -32,7 +33,7 @@ from runtime.network.removal import follow, missing_block
 from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
 from runtime.network.scope import Scope
-from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
+from runtime.network.shapes import MAX_BYTES, whole_shape
 from runtime.network.update import Edit, closes_loop, near_to, update
 
 __all__ = [
@@ -54,6 +55,7 @@ __all__ = [
     "columns",
     "component_type",
     "copy_name",
+    "discretize",
     "enables_of",
     "expand",
     "find",
@@ -70,7 +72,6 @@ __all__ = [
     "replace_block",
     "resets",
     "source_file",
-    "state_shape",
     "unknown_component",
     "update",
     "whole_shape",

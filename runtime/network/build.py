@@ -27,10 +27,11 @@ from blocks.core import (
 )
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
-from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
+from runtime.document import Node, closest, read_run, section
 from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.contexts import check_contexts, failure_text
+from runtime.network.defaults import with_defaults
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -38,11 +39,13 @@ from runtime.network.initial import read_initial
 from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.open_inputs import open_notes, report_open_inputs
 from runtime.network.removal import remove
+from runtime.network.sampling import sampling
 from runtime.network.scope import Scope
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
+from runtime.network.written_types import written_types
 
-BLOCK_KEYS = ("type", "module", "dt")
+BLOCK_KEYS = ("type", "module", "dt", "offset")
 SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")
 MAX_TITLE = 120
 BlockCache = MutableMapping[tuple[type[Block], str], Block]
@@ -86,7 +89,8 @@ def build(
     network = Network(title, **vars(run), scope=scope, document=document, world=world)
     # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
-    network = construct_blocks(network, classes or {}, kinds or {}, problems, modules, block_cache)
+    kinds = {**(kinds or {}), **written_types(document, problems)}
+    network = construct_blocks(network, classes or {}, kinds, problems, modules, block_cache)
     wiring = Wiring(network, problems)
     network = replace(
         network,
@@ -132,7 +136,7 @@ def _unused_solver(network: Network) -> list[str]:
     """A note if the graph sets a solver that has nothing to integrate."""
     run = network.document.get("run")
     keys = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
-    if not keys or any(entry.cls.spec.continuous for entry in network.entries.values()):
+    if not keys or network.is_continuous:
         return []
     return [f"run.{keys[0]}: not used, since no block has continuous states to integrate"]
 
@@ -206,6 +210,11 @@ def construct_blocks(
             cls = block_class(node, scope.path("blocks", name), classes, problems, modules)
             if cls is not None:
                 definitions.append(_Definition(scope, name, node, cls))
+    written = [(each.scope, each.node, each.cls) for each in definitions]
+    definitions = [
+        replace(each, node=node)
+        for each, node in zip(definitions, with_defaults(written, problems), strict=True)
+    ]
     # All classes first: a parameter may name a signal type that another block's module defines.
     own = _signal_types(definitions, kinds, problems, modules)
     entries, notes = {}, []
@@ -213,12 +222,14 @@ def construct_blocks(
         block, block_notes = _construct(definition, own, problems, block_cache, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
-        every = _ticks(node.get("dt"), network, definition.address, problems)
+        every, offset = sampling(node, definition.cls, network, definition.address, problems)
         sampled = node.get("dt") is not None
         if sampled and definition.cls.spec.continuous:
             message = "its states are continuous and integrated over every step; leave dt out"
             problems.add(node.where, f"{definition.address}.dt", message)
-        entries[full] = NetworkEntry(full, scope, node, definition.cls, block, every, sampled)
+        entries[full] = NetworkEntry(
+            full, scope, node, definition.cls, block, every, sampled, offset
+        )
         notes += block_notes
     return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
 
@@ -251,8 +262,8 @@ def _construct(
 ) -> tuple[Block | None, list[str]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
-    values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
     params = cls.spec.params
+    values = {key: item for key, item in node.items() if key in params or key not in BLOCK_KEYS}
     unknown = [key for key in values if key not in params]
     for key in unknown:
         message = f"unknown parameter{_instead_of(key, values, cls)}"
@@ -368,21 +379,3 @@ def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) ->
             message += f"if degrees are intended, write {number:g}deg{per}"
             notes.append(f"{address}.{name}: {message}")
     return notes
-
-
-def _ticks(node: Node | None, network: Network, address: str, problems: Problems) -> int:
-    """How many base ticks lie between two ticks of a block."""
-    value = None if node is None else seconds(node, f"{address}.dt", problems)
-    if node is None or value is None:
-        return 1
-    base, unit = network.dt, network.time_unit
-    ratio = value / base
-    # 0.3 / 0.1 is 2.9999999999999996: whole numbers up to rounding count.
-    whole = round(ratio) if ratio < MAX_TICKS else 0
-    if whole < 1 or abs(ratio - whole) > 1e-6:
-        near = max(1, whole) * base
-        message = f"{value:g} {unit} is not a multiple of run.dt = {base:g} {unit}; "
-        message += f"the nearest is {near:g}"
-        problems.add(node.where, f"{address}.dt", message)
-        return 1
-    return whole

@@ -8,6 +8,8 @@ In: a signal type and an address. Out: the type, the columns or the names of the
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from blocks.core import Scalar, SignalType, Vector
 from runtime.network.addresses import Endpoint, bounds, is_range
 
@@ -38,7 +40,9 @@ def _range_type(kind: SignalType, component: str) -> SignalType | None:
     if not isinstance(indices, slice):
         return None
     length = indices.stop - indices.start
-    return Vector(length) if kind.form == "record" else kind.sized(length)
+    if kind.form == "record":
+        return Vector(length)
+    return replace(kind.sized(length), rows=kind.rows[indices])
 
 
 def columns(kind: SignalType, component: str) -> int | slice | None:
@@ -63,7 +67,7 @@ def component_names(kind: SignalType, end: Endpoint) -> list[str]:
     """The components at an address, one by one, as in an address; [''] for a number."""
     if kind.form == "scalar" or (end.component and not is_range(end.component)):
         return [end.component]
-    names = list(kind.components) or [str(i) for i in range(kind.shape[0])]
+    names = list(kind.names)
     index = columns(kind, end.component) if end.component else slice(None)
     return names[index] if isinstance(index, slice) else []
 
@@ -82,7 +86,7 @@ def unknown_component(kind: SignalType, end: Endpoint) -> str:
         has = "only records and vectors have components"
     else:
         last = kind.length - 1 if isinstance(kind.length, int) else "its length"
-        has = f"its components: 0 to {last}"
+        has = f"its components: {', '.join(kind.names) if kind.rows else f'0 to {last}'}"
         if is_range(end.component):
             has += "; a range ends before its second number, as in [0:2]"
     return f"{kind} '{end.block}.{end.port}' has no component '{end.component}'; {has}"

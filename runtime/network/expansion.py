@@ -62,6 +62,7 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
 
     scope.wires = entries("wires")
     scope.inputs, scope.outputs = entries("inputs"), entries("outputs")
+    scope.defaults = entries("defaults")
     block_entries = entries("blocks")
     for name, entry in block_entries.items():
         address = scope.path("blocks", name)

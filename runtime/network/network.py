@@ -10,6 +10,7 @@ and reports read::
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -47,7 +48,8 @@ def place_of(node: Node, parameter: str) -> Where:
 class NetworkEntry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
-    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step.
+    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step, and
+    ``offset`` is the tick of its first one.
     """
 
     name: str
@@ -57,6 +59,12 @@ class NetworkEntry:
     block_or_none: Block | None
     every: int = 1
     sampled: bool = False
+    offset: int = 0
+
+    @property
+    def grid(self) -> int:
+        """The largest number of base ticks of which all ticks of the block are multiples."""
+        return math.gcd(self.every, self.offset)
 
     @property
     def short(self) -> str:
@@ -154,6 +162,7 @@ class Network:
     document: Node
     states: str = "small"
     time_unit: str = SECOND
+    events: str = "located"
     loops: str = "error"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
@@ -202,6 +211,11 @@ class Network:
         return tuple(wires)
 
     @cached_property
+    def is_continuous(self) -> bool:
+        """Whether a solver integrates states of some block."""
+        return any(entry.cls.spec.continuous for entry in self.entries.values())
+
+    @cached_property
     def moving(self) -> frozenset[Port]:
         """The outputs that may change between two ticks; all others hold their value of a tick.
 
@@ -220,7 +234,7 @@ class Network:
             if entry.block_or_none is None:
                 continue
             recalled = () if entry.sampled else entry.block.recalls
-            if not (spec.continuous or entry.is_memoryless or recalled):
+            if self.holds(name) or not (spec.continuous or entry.is_memoryless or recalled):
                 continue
             for call in entry.evaluations:
                 # An output moves with an input that its method needs; what it does not read cannot
@@ -242,29 +256,6 @@ class Network:
                 result.add(port_now)
                 waiting += readers.get(port_now, ())
         return frozenset(result)
-
-    def is_moving(self, port: Port) -> bool:
-        """Whether an output may change between two ticks; looked for alone after an edit."""
-        if "moving" in self.__dict__ or "into" not in self.__dict__:
-            return port in self.moving
-        seen, waiting = {port}, [port]
-        while waiting:
-            name, output = waiting.pop()
-            entry = self.entries[name]
-            spec = entry.cls.spec
-            if entry.block_or_none is None or not (spec.continuous or entry.is_memoryless):
-                continue
-            for call in entry.evaluations:
-                if output not in call.outputs or spec.is_constant(call):
-                    continue
-                if spec.continuous or call.timed:
-                    return True
-                into = (wire for wire in self.into.get(name, ()) if wire.port in call.needs)
-                sources = [(wire.source.block, wire.source.port) for wire in into]
-                sources += [(name, need) for need in call.needs if need in spec.outputs]
-                waiting += [source for source in sources if source not in seen]
-                seen.update(sources)
-        return False
 
     def _spread(self, wire: Wire) -> list[Wire]:
         kind = self.types.get((wire.source.block, wire.source.port))
@@ -306,14 +297,36 @@ class Network:
             },
             until=self.until,
             moving=self._moving_inputs(entry),
+            located=self.is_located(name),
+            wired=frozenset(wire.port for wire in self.into.get(name, ())),
+            sampled=entry.sampled,
+            neighbour=lambda other: self._neighbour(entry, other),
         )
+
+    def _neighbour(self, entry: NetworkEntry, name: str) -> tuple[Block, BlockContext] | None:
+        """A block of the same part, or of the whole graph."""
+        for each in (entry.scope.prefix + name, name):
+            other = self.entries.get(each)
+            if other is not None and other.block_or_none is not None and self.is_typed(each):
+                return other.block, self.context(each)
+        return None
+
+    def holds(self, name: str) -> bool:
+        """Whether the outputs of a block change at ticks and at its located events alone."""
+        cls = self.entries[name].cls
+        is_switch = cls.spec.guards is not None and not (cls.spec.continuous or cls.follows)
+        return is_switch and self.is_located(name)
+
+    def is_located(self, name: str) -> bool:
+        """Whether the events of a block are between ticks, where its signals change there."""
+        return self.events == "located" and not self.entries[name].sampled
 
     def _moving_inputs(self, entry: NetworkEntry) -> tuple[str, ...]:
         """The inputs that a block recalls and that move between ticks."""
         recalled = () if entry.block_or_none is None or entry.sampled else entry.block.recalls
         into = self.into.get(entry.name, ()) if recalled else ()
         sources = [(w.port, (w.source.block, w.source.port)) for w in into if w.port in recalled]
-        return tuple(dict.fromkeys(port for port, source in sources if self.is_moving(source)))
+        return tuple(dict.fromkeys(port for port, source in sources if source in self.moving))
 
     def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:
         """Whether each term of a variadic input is connected."""

@@ -132,7 +132,7 @@ class _Replacement:
         )
         spec = self.cls.spec
         fitting = {
-            key: node for key, node in parameters.items() if key == "dt" or key in spec.params
+            key: node for key, node in parameters.items() if key in ("dt", "offset", *spec.params)
         }
         lost = [key for key in parameters if key not in fitting]
         if lost:

@@ -35,6 +35,7 @@ class Scope:
     wires: dict[str, Node] = field(default_factory=dict)
     inputs: dict[str, Node] = field(default_factory=dict)
     outputs: dict[str, Node] = field(default_factory=dict)
+    defaults: dict[str, Node] = field(default_factory=dict)
     where: Where = field(default_factory=Where)
     broken: set[str] = field(default_factory=set)
     unread: set[str] = field(default_factory=set)

@@ -90,8 +90,19 @@ class _Units:
         if kind is not None and kind.form == "record":
             column = columns(kind, end.component) if end.component else None
             return kind.units[column] if isinstance(column, int) else ""
+        own = not (isinstance(port.type, Same) and port.type.own_unit) or _stated(self.network, end)
+        if kind is not None and kind.rows and own:
+            column = columns(kind, end.component) if end.component else 0
+            one = end.component or kind.form == "scalar"
+            return kind.rows[column][1] if one and isinstance(column, int) else ""
         if port.unit or not isinstance(port.type, Same):
             return port.unit or (kind.units[0] if kind and len(kind.units) == 1 else "")
         if port.type.own_unit:
             return ""
         return self.units.get((end.block, port.type.variable), "")
+
+
+def _stated(network: Network, end: Endpoint) -> bool:
+    """Whether a block states the type of an output itself, with the units of its components."""
+    block = network.entries[end.block].block_or_none
+    return block is not None and any(kind.rows for kind in block.variables.values())

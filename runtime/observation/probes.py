@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from blocks.core import SignalType, Vector
+from blocks.core import SignalType, Vector, hint, state_shape
 from blocks.neural import Synapse, table_shape
 from runtime.document import TIME_UNITS, Node, in_time, strings
 from runtime.errors import Problems
@@ -23,7 +23,6 @@ from runtime.network import (
     columns,
     component_type,
     is_range,
-    state_shape,
     unknown_component,
 )
 
@@ -34,6 +33,7 @@ PROBE_KEYS = {
     "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
     "label": "what figures call it: a string for each signal, or for each column",
     "unit": "of signals that have none: a string for each signal, or for each column",
+    "events": "blocks of which the times of events are recorded, in place of 'of'",
 }
 
 
@@ -44,7 +44,8 @@ class Signal:
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
     ``name`` is what figures call it, '' for its address, and ``column_names`` what they call each
     column. ``publisher`` is the method of the block that describes the neurons behind a signal, if
-    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks.
+    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks,
+    ``is_offset`` whether the first tick of its block is later than 0.
     """
 
     address: str
@@ -61,6 +62,7 @@ class Signal:
     column_names: tuple[str, ...] = ()
     publisher: str = ""
     held: bool = False
+    is_offset: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,6 +146,8 @@ class Probe:
         for signal in self.signals:
             # A row is the signal at its tick: an event between two rows would be lost, and one that
             # is held would be counted twice.
+            if signal.is_event and signal.is_offset:
+                return f"'{signal.end}' is new between rows, which begin at 0; leave offset out"
             if signal.is_event and signal.every != self.input_every:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
                 message = (
@@ -164,6 +168,22 @@ class Probe:
     def size(self, ticks: int) -> int:
         """Bytes of the recording."""
         return self.row_bytes * self.rows(ticks)
+
+
+def event_blocks(network: Network, node: Node, address: str, problems: Problems) -> tuple[str, ...]:
+    """The blocks whose events a probe records; those that are removed are left out."""
+    found = []
+    for item, place in strings(node, address, "a block, as in relay", problems):
+        entry = network.entries.get(item.value)
+        if entry is None and item.value not in network.removed_entries:
+            text = f"there is no block '{item.value}'{hint(item.value, network.entries)}"
+            problems.add(item.where, place, text)
+        elif entry is not None and entry.cls.spec.guards is None:
+            text = f"a {entry.cls.__name__} has no events; expected a block such as Relay"
+            problems.add(item.where, place, text)
+        elif entry is not None:
+            found.append(item.value)
+    return tuple(found)
 
 
 def own_rate(signals: Sequence[Signal]) -> int:
@@ -251,7 +271,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     spec = entry.cls.spec
     if end.port in spec.states:
         state = spec.states[end.port]
-        shape = state_shape(entry.block, state, network.context(end.block), spec)
+        shape = state_shape(entry.block, state, network.context(end.block))
         kind = state.signal.name if state.signal is not None else "State"
         unit = in_time(state.unit, network.time_unit)
         if is_range(end.component):
@@ -268,8 +288,9 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
         labels = (label,) if not shape else tuple(f"{label}[{i}]" for i in range(count))
         units = (unit,) * count
         return Signal(
-            *(label, end, shape, labels, units, kind, entry.every, True, state.event),
+            *(label, end, shape, labels, units, kind, entry.grid, True, state.event),
             held=not state.continuous,
+            is_offset=entry.offset > 0,
         )
     whole = network.types[end.block, end.port]
     kind_at = component_type(whole, end)
@@ -281,9 +302,9 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     shape, name = kind_at.shape, kind_at.name
     name_shown = "" if end.component or shape else spec.outputs[end.port].label
     # Figures draw steps for what is held between ticks, and straight lines for what moves.
-    held = not network.is_moving((end.block, end.port))
+    held = (end.block, end.port) not in network.moving
     return Signal(
-        *(label, end, shape, labels, units, name, entry.every),
+        *(label, end, shape, labels, units, name, entry.grid),
         constant=constant,
         name=name_shown,
         held=held,
@@ -297,7 +318,7 @@ def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
     if not published or end.component:
         return None
     (port, method), lengths = published[0], network.context(end.block).lengths
-    every, end = network.entries[end.block].every, Endpoint(end.block, port)
+    every, end = network.entries[end.block].grid, Endpoint(end.block, port)
     # Dimensions that nothing decides are a problem by themselves, and the graph does not run.
     shape, address = table_shape({"d": 1, **lengths}), f"{label}.tuning"
     return Signal(
@@ -311,12 +332,16 @@ def _columns(
     whole: SignalType, end: Endpoint, label: str, unit: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     part = columns(whole, end.component) if is_range(end.component) else None
+    own_units = tuple(own for _, own in whole.rows)
     if isinstance(part, slice):
         base = label.split("[")[0]
         units = whole.units or (unit,)
         each = units if whole.form == "record" else (unit or units[0],) * whole.shape[0]
-        names = whole.components or tuple(map(str, range(whole.shape[0])))
-        return tuple(f"{base}.{name}" for name in names[part]), each[part]
+        return tuple(f"{base}.{name}" for name in whole.names[part]), (own_units or each)[part]
+    if whole.rows:
+        if end.component or whole.form == "scalar":
+            return (label,), (own_units[whole.column(end.component) or 0],)
+        return tuple(f"{label}.{name}" for name in whole.names), own_units
     if whole.form == "record":
         if end.component:
             return (label,), (whole.units[whole.column(end.component) or 0],)

@@ -59,6 +59,7 @@ from runtime.observation.probes import (
     PROBE_KEYS,
     Signal,
     describe_signals,
+    event_blocks,
     make_signal,
     make_tuning,
     no_component,
@@ -70,6 +71,7 @@ from runtime.observation.probes import Probe as Probe
 from runtime.terminal import readable_bytes
 
 MAX_COLUMNS = 1_000_000
+SIGNS = {"rising": 1.0, "falling": -1.0, "either": 0.0}
 _SOURCE = "a probe's name or an address"
 
 
@@ -150,7 +152,7 @@ class _Reader:
         if message:
             self.problems.add(stop.node.where, "run.stop.when", message)
             return None
-        return StopTest(signal, stop.kind, stop.level)
+        return StopTest(signal, SIGNS[stop.direction], stop.level)
 
     def with_band(self, plot: PlotSpec) -> PlotSpec:
         """A time series with the band of the settling times of what it shows."""
@@ -175,7 +177,11 @@ class _Reader:
         of: Node | None = node
         if node.is_map:
             check_keys(node, tuple(PROBE_KEYS), address, self.problems, "key")
-            of = node.get("of")
+            of, blocks = node.get("of"), node.get("events")
+            if blocks is not None:
+                found = event_blocks(self.network, blocks, f"{address}.events", self.problems)
+                self.observation.events[name] = found
+                return
         if of is None or of.value == []:
             where = node.key if of is None else of.where
             message = "expected an address, as in {of: plant.pose}"

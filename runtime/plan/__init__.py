@@ -13,6 +13,7 @@ from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
     ALWAYS,
     Call,
+    Crossing,
     Gate,
     Integrate,
     Load,
@@ -29,14 +30,16 @@ from runtime.plan.operations import (
 )
 from runtime.plan.passes import exchanged, signals_of
 from runtime.plan.stacking import Stack, Stacking, Step
-from runtime.plan.values import Argument, Port, Row, Signal, Slot, Source, StateArray
+from runtime.plan.values import Argument, GuardSlot, Port, Row, Signal, Slot, Source, StateArray
 
 __all__ = [
     "ALWAYS",
     "Argument",
     "CText",
     "Call",
+    "Crossing",
     "Gate",
+    "GuardSlot",
     "Integrate",
     "Load",
     "Operation",

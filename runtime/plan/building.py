@@ -15,15 +15,18 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from blocks.core import Evaluation
 from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
-from runtime.plan.coupling import IMPLICIT, Coupling
-from runtime.plan.moving import Evaluated, again, continuous_row, declared_states
+from runtime.plan.coupling import ADAPTIVE, IMPLICIT, Coupling
+from runtime.plan.located import MOST_EVENTS, changing, directions, edges_between, meets, padded
+from runtime.plan.moving import Evaluated, again, continuous_row, declared_states, read_by
 from runtime.plan.operations import (
     Call,
+    Crossing,
     Gate,
     Integrate,
     Operation,
@@ -38,7 +41,15 @@ from runtime.plan.operations import (
 )
 from runtime.plan.order import ordered
 from runtime.plan.passes import coupled
-from runtime.plan.values import Argument, Port, Signal, Source, StateArray, Target
+from runtime.plan.values import (
+    Argument,
+    GuardSlot,
+    Port,
+    Signal,
+    Source,
+    StateArray,
+    Target,
+)
 
 
 def make_plan(
@@ -76,6 +87,22 @@ class _Builder:
             for name, switches in enables_of(network).items()
         }
         self.row = continuous_row(network)
+        self.located: frozenset[str] = frozenset()
+        if self.row.size:
+            self.find_events()
+
+    def find_events(self) -> None:
+        """Which blocks have events between ticks, at which times sources jump, what may change."""
+        network, switches = self.network, self.switches
+        adaptive = network.solver.name in ADAPTIVE
+        guarded = {name: directions(network, name, adaptive) for name in network.entries}
+        self.directions = {name: found for name, found in guarded.items() if found}
+        self.edges = edges_between(network, network.entries)
+        changed = changing(network, self.wires, switches, self.directions, {*self.edges})
+        self.changing = changed
+        self.located = frozenset(
+            name for name in self.directions if meets(network, self.wires, name, changed)
+        )
 
     def plan(self) -> Plan:
         """All operations, in order."""
@@ -88,7 +115,7 @@ class _Builder:
         stop = self.stop()
         operations: list[Operation] = [op for call, rest in evaluations for op in (call, *rest)]
         operations += [record for record, is_event in records if not is_event]
-        operations += [] if stop is None else [stop]
+        operations += [] if stop is None or self.is_located(stop) else [stop]
         operations += self.updates()
         operations += self.restores()
         operations += [self.integration(evaluations, stop)] if self.row.size else []
@@ -113,7 +140,8 @@ class _Builder:
                 varies = bool(evaluation.needs) or timed
                 switches = self.switches.get(name, ()) if varies and not constant else ()
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
-                gate = Gate(entry.every, switches, once=constant)
+                late = entry.offset > 0
+                gate = Gate(entry.every, switches, False, constant, entry.offset, starts=late)
                 calls.append(self.call(name, evaluation, outputs, gate))
         return ordered(calls, self.wires, self.network.loops == "solve")
 
@@ -152,7 +180,7 @@ class _Builder:
         yield Test(call.block, call.method, outputs, gate)
         resetting = tuple(s for s in gate.switches if resets(self.network, s.block))
         if resetting:
-            yield Zero(call.block, outputs, Gate(gate.every, resetting, is_off=True))
+            yield Zero(call.block, outputs, replace(gate.rate, switches=resetting, is_off=True))
 
     def updates(self) -> Iterator[Operation]:
         """The updates of states by rate, then by name; no event happens in a part that is off."""
@@ -160,11 +188,14 @@ class _Builder:
             spec = entry.cls.spec
             if spec.update is None:
                 continue
-            gate = Gate(entry.every, self.switches.get(name, ()))
+            # What a block with continuous states does in place of events that are located.
+            if spec.continuous and spec.event is not None and self.network.is_located(name):
+                continue
+            gate = Gate(entry.every, self.switches.get(name, ()), offset=entry.offset)
             yield self.call(name, spec.update, self.states[name], gate)
             events = tuple(s for s in self.states[name] if spec.states[s.name].event)
             if gate.switches and events:
-                yield Zero(name, events, Gate(gate.every, gate.switches, is_off=True))
+                yield Zero(name, events, replace(gate, is_off=True))
 
     def restores(self) -> Iterator[Restore]:
         """The parts that are reset while they are off."""
@@ -173,20 +204,20 @@ class _Builder:
             inside = [name for name, above in self.switches.items() if switch in above]
             states = tuple(state for name in inside for state in self.states[name])
             if resets(self.network, switch.block) and states:
-                every = self.network.entries[switch.block].every
-                yield Restore(switch.block, states, Gate(every, (switch,), is_off=True))
+                entry = self.network.entries[switch.block]
+                gate = Gate(entry.every, (switch,), is_off=True, offset=entry.offset)
+                yield Restore(switch.block, states, gate)
 
     def integration(self, evaluations: list[Evaluated], stop: Stop | None) -> Integrate:
         """The continuous states from this tick to the next one."""
-        network, moving = self.network, self.network.moving
+        network = self.network
         specs = {name: network.entries[name].cls.spec for name in self.row.by_block}
         derivatives = [
-            self.call(name, method, self.row.of(name), Gate(1, self.switches.get(name, ())))
+            self.call(name, method, self.row.of(name), self.gate_of(name))
             for name, spec in specs.items()
             if (method := spec.derivative)
         ]
-        wanted = [signal.key for call in derivatives for signal in call.reads]
-        stage = list(again(wanted, evaluations, moving))
+        stage = list(again(read_by(derivatives), evaluations, network.moving))
         for call in derivatives:
             stage.append(call)
             if call.gate.switches:
@@ -197,25 +228,67 @@ class _Builder:
             for name, spec in specs.items()
             if spec.projects
         )
-        watch: tuple[Operation, ...] = ()
-        whole = None if stop is None else stop.source.whole
-        if isinstance(whole, Signal) and whole.key in moving:
-            watch = again([whole.key], evaluations, moving)
-        elif not self.is_continuous(whole):
-            stop = None  # it changes on ticks only
-        unit, solver, coupling = network.time_unit, network.solver.name, None
-        if solver in IMPLICIT:
+        part = Integrate(
+            *(self.row, network.solver.name, tuple(stage), projections),
+            time_unit=network.time_unit,
+        )
+        if part.solver in IMPLICIT:
             contexts = {name: network.context(name) for name in specs}
             own = {name: network.entries[name].block.couplings(contexts[name]) for name in specs}
-            coupling = Coupling.of(coupled(self.row, stage, own))
-        return Integrate(
-            *(self.row, solver, tuple(stage), projections, watch, stop, unit), coupling=coupling
+            part = replace(part, coupling=Coupling.of(coupled(self.row, stage, own)))
+        return self.with_events(part, evaluations, stop)
+
+    def gate_of(self, name: str) -> Gate:
+        """When a block takes part between ticks."""
+        return Gate(1, self.switches.get(name, ()))
+
+    def with_events(
+        self, part: Integrate, evaluations: list[Evaluated], stop: Stop | None
+    ) -> Integrate:
+        """Integration whose steps end at events, and at edges of the sources that it reads."""
+        crossings: list[Crossing] = []
+        for name in sorted(self.located):
+            spec, found = self.network.entries[name].cls.spec, self.directions[name]
+            start = crossings[-1].stop if crossings else 0
+            slot = GuardSlot(name, "guards", (len(found),), start)
+            event = None
+            if spec.guards is None:
+                continue
+            if spec.event is not None:
+                event = self.call(name, spec.event, self.states[name], self.gate_of(name))
+                event = replace(event, takes_which=True)
+            guards = self.call(name, spec.guards, (slot,), self.gate_of(name))
+            crossings.append(Crossing(guards, start, found, event))
+        if stop is not None and self.is_located(stop):
+            start = crossings[-1].stop if crossings else 0
+            crossings.append(Crossing(stop, start, (stop.direction,)))
+        met = [each for c in crossings for each in (c.guards, c.event) if each is not None]
+        wanted = [*read_by(met), *read_by(part.stage)]
+        every = again(wanted, evaluations, self.network.types)
+        blocks = {each.block for each in every if isinstance(each, Call)}
+        edges = [times for name, times in self.edges.items() if name in blocks]
+        if not (crossings or edges):
+            return part
+        return replace(
+            part,
+            crossings=tuple(crossings),
+            watch=again(read_by(met), evaluations, self.network.moving),
+            after=again(wanted, evaluations, self.changing),
+            edges=padded(edges),
+            log=MOST_EVENTS if self.observation.events else 0,
         )
 
-    def is_continuous(self, whole: Signal | StateArray | None) -> bool:
-        """Whether it is a state that a solver integrates."""
-        if not isinstance(whole, StateArray):
+    def is_located(self, stop: Stop) -> bool:
+        """Whether the condition that ends the run may be met between two ticks."""
+        whole = stop.source.whole
+        if not self.row.size or self.network.events == "ticks":
             return False
+        return (
+            whole.key in self.changing if isinstance(whole, Signal) else self.is_continuous(whole)
+        )
+
+    def is_continuous(self, whole: StateArray) -> bool:
+        """Whether it is a state that a solver integrates."""
         return any(slot.name == whole.name for slot in self.row.of(whole.block))
 
     def stop(self) -> Stop | None:
@@ -223,7 +296,7 @@ class _Builder:
         if test is None:
             return None
         source = self.observed(test.signal.end, test.signal.is_state)
-        return Stop(test.kind, test.level, source, Gate(test.signal.every))
+        return Stop(test.direction, test.level, source, Gate(test.signal.every))
 
     def records(self) -> Iterator[tuple[Record, bool]]:
         """The rows, or columns, that a tick fills, and whether they show events."""

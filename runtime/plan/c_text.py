@@ -105,11 +105,11 @@ class CText(ABC):
             return
         if self.gate.switches:
             self.close()
-        if gate.every != self.gate.every:
+        if gate.rate != self.gate.rate:
             if self.gate.every > 1:
                 self.close()
             if gate.every > 1:
-                self.open(f"{self.tick} % {gate.every} == 0")
+                self.open(gate.due(self.tick).format("||"))
         if gate.switches:
             on = " && ".join(f"{self.signal(switch)} != 0.0" for switch in gate.switches)
             self.open(f"!({on})" if gate.is_off else on)
@@ -128,7 +128,7 @@ class CText(ABC):
     def call(self, call: Call) -> None:
         """Call a method."""
         function, given = self.function(call)
-        given += ["t"] if call.takes_time else []
+        given += ["t"] * call.takes_time + ["(double)which"] * call.takes_which
         given += [text for argument in call.arguments for text in self.argument(argument)]
         for signal in call.outputs:
             given += [self.address(Source(signal)), *self.sizes(signal.kind)]

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
 
-from runtime.network import Network, state_shape
-from runtime.plan.operations import Call, Operation, Solve
-from runtime.plan.values import Port, Row, Slot, StateArray
+from blocks.core import state_shape
+from runtime.network import Network
+from runtime.plan.operations import Call, Operation, Solve, Stop
+from runtime.plan.values import Port, Row, Signal, Slot, StateArray
 
 Evaluated = tuple[Call | Solve, tuple[Operation, ...]]  # a call, or a loop, and its tests
 
@@ -24,7 +25,7 @@ def declared_states(network: Network, name: str) -> tuple[StateArray, ...]:
         return ()
     context = network.context(name)
     return tuple(
-        StateArray(name, state, state_shape(entry.block, declared, context, spec))
+        StateArray(name, state, state_shape(entry.block, declared, context))
         for state, declared in spec.states.items()
     )
 
@@ -38,7 +39,8 @@ def continuous_row(network: Network) -> Row:
         for state in states:
             if state.name in continuous:
                 start = slots[-1].stop if slots else 0
-                slots.append(Slot(name, state.name, state.shape, start))
+                names = entry.block.state_names.get(state.name, ())
+                slots.append(Slot(name, state.name, state.shape, start, names))
     return Row(tuple(slots))
 
 
@@ -57,5 +59,16 @@ def again(
     for call, rest in reversed(evaluations):
         if any(signal.key in ports and signal.key in moving for signal in call.outputs):
             found.append((call, rest))
-            ports.update(signal.key for signal in call.reads)
+            ports.update(read_by([call]))
     return tuple(each for call, rest in reversed(found) for each in (call, *rest))
+
+
+def read_by(operations: Iterable[Operation]) -> list[Port]:
+    """The signals that calls, and the conditions of a stop, read."""
+    found: list[Signal] = []
+    for each in operations:
+        if isinstance(each, (Call, Solve)):
+            found += [*each.reads, *each.gate.switches]
+        elif isinstance(each, Stop) and isinstance(each.source.whole, Signal):
+            found.append(each.source.whole)
+    return [signal.key for signal in found]

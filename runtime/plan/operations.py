@@ -17,16 +17,30 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
+from blocks.core import FloatArray
 from runtime.document import SECOND
 from runtime.plan.coupling import Coupling
-from runtime.plan.values import Argument, Row, Signal, Slot, Source, StateArray, Target
+from runtime.plan.values import (
+    Argument,
+    GuardSlot,
+    Row,
+    Signal,
+    Slot,
+    Source,
+    StateArray,
+    Target,
+)
 
 
 @dataclass(frozen=True)
 class Gate:
     """When an operation is done.
 
-    every : on each tick that is a multiple of this.
+    every : on each tick that is a multiple of this, plus ``offset``.
+    starts : on tick 0 as well: an output holds what it is at the start until its block's first
+        tick.
     switches : outputs that must all be on: those of the parts around a block, the outer ones first.
     is_off : the other way round: while one of the switches is off.
     once : before the first tick, and not again.
@@ -36,10 +50,23 @@ class Gate:
     switches: tuple[Signal, ...] = ()
     is_off: bool = False
     once: bool = False
+    offset: int = 0
+    starts: bool = False
+
+    @property
+    def rate(self) -> Gate:
+        """The same without the switches."""
+        return Gate(self.every, offset=self.offset, starts=self.starts)
+
+    def due(self, tick: str) -> str:
+        """The condition on a tick in Python and in C, for a rate below that of the base ticks."""
+        text = f"{tick} % {self.every} == {self.offset}"
+        return f"{text} {{}} {tick} == 0" if self.starts else text
 
     def __str__(self) -> str:
         names = " and ".join(map(str, self.switches))
         parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
+        parts += [f"from {self.offset}"] if self.offset else []
         parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
         return f"  [{', '.join(parts)}]" if parts else ""
 
@@ -54,6 +81,7 @@ class Call:
     writes : the outputs that it returns, the rates of change that it returns (slots), or the
         states that it may change in place.
     takes_time : whether t is its first argument.
+    takes_which : whether the number of the guard that was met is the next one.
     is_own : whether the block is the user's: what it returns is brought into a signal's form.
     """
 
@@ -64,6 +92,7 @@ class Call:
     gate: Gate = ALWAYS
     takes_time: bool = True
     is_own: bool = False
+    takes_which: bool = False
 
     @cached_property
     def outputs(self) -> tuple[Signal, ...]:
@@ -81,8 +110,10 @@ class Call:
         return [each for each in wholes if isinstance(each, Signal)]
 
     def __str__(self) -> str:
-        given = (["t"] if self.takes_time else []) + list(map(str, self.arguments))
-        outputs = [f"{each}: {each.kind}" for each in self.outputs] + [f"{s}'" for s in self.rates]
+        given = ["t"] * self.takes_time + ["which"] * self.takes_which
+        given += map(str, self.arguments)
+        outputs = [f"{each}: {each.kind}" for each in self.outputs]
+        outputs += [str(s) if isinstance(s, GuardSlot) else f"{s}'" for s in self.rates]
         target = ", ".join(outputs or map(str, self.writes))
         equals = f"{target} = " if target else ""
         return f"call      {equals}{self.block}.{self.method}({', '.join(given)}){self.gate}"
@@ -214,9 +245,9 @@ class Record:
 
 @dataclass(frozen=True)
 class Stop:
-    """End the run if a signal is ``above`` or ``below`` a level, or ``crosses`` it."""
+    """End the run if a signal rises above a level, falls below it, or does either."""
 
-    kind: str
+    direction: float
     level: float
     source: Source
     gate: Gate = ALWAYS
@@ -226,7 +257,32 @@ class Stop:
         return self.source.whole.block
 
     def __str__(self) -> str:
-        return f"stop      if {self.source} {self.kind} {self.level:g}{self.gate}"
+        how = {1.0: "rises above", -1.0: "falls below"}.get(self.direction, "crosses")
+        return f"stop      if {self.source} {how} {self.level:g}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Guards of one block: numbers whose sign changes where its events are.
+
+    guards : computes them; or a ``Stop``: the distance of its signal from the level is one.
+    start : the first of them in the row of all guards.
+    directions : of each: 1 rising, -1 falling, 0 either, 3 either and at the start.
+    event : what then happens, called with the number of each guard that was met.
+    """
+
+    guards: Call | Stop
+    start: int
+    directions: tuple[float, ...]
+    event: Call | None = None
+
+    @property
+    def stop(self) -> int:
+        return self.start + len(self.directions)
+
+    @property
+    def block(self) -> str:
+        return self.guards.block
 
 
 @dataclass(frozen=True)
@@ -236,7 +292,10 @@ class Integrate:
     stage : what the solver repeats at each stage, at times between the ticks: outputs that may
         change there, and derivatives.
     projections : calls after each step that bring states back to where they are valid.
-    stop : ends the run between two ticks; before it is tested, ``watch`` computes its signal.
+    crossings : events between two ticks, by block: each step ends at the first one in time.
+        ``watch`` computes what their guards and actions read, ``after`` what then changes.
+    edges : the times in a run at which sources jump, off the ticks, and infinity.
+    log : the number of events that are recorded at most.
     coupling : which rate depends on which state, for a solver that needs the Jacobian.
     """
 
@@ -244,11 +303,14 @@ class Integrate:
     solver: str
     stage: tuple[Operation, ...]
     projections: tuple[Call, ...] = ()
+    crossings: tuple[Crossing, ...] = ()
     watch: tuple[Operation, ...] = ()
-    stop: Stop | None = None
+    after: tuple[Operation, ...] = ()
     time_unit: str = SECOND
     gate: Gate = ALWAYS
     coupling: Coupling | None = field(default=None, compare=False, repr=False)
+    edges: FloatArray = field(default_factory=lambda: np.empty(0), compare=False, repr=False)
+    log: int = 0
 
     @property
     def block(self) -> str:
@@ -261,15 +323,32 @@ class Integrate:
         return 0 if self.coupling is None else self.coupling.count
 
     @property
+    def ends_steps(self) -> bool:
+        """Whether steps end at events, or at edges of sources."""
+        return bool(self.crossings or len(self.edges))
+
+    @property
+    def directions(self) -> FloatArray:
+        """Of all guards."""
+        return np.array([each for crossing in self.crossings for each in crossing.directions])
+
+    @cached_property
+    def between(self) -> tuple[Operation, ...]:
+        """All that is done between two ticks."""
+        met = [each for c in self.crossings for each in (c.guards, c.event) if each]
+        return (*self.stage, *self.projections, *self.watch, *met, *self.after)
+
+    @property
     def blocks(self) -> set[str]:
         """The blocks that are called."""
-        return {call.block for call in calls_in((*self.stage, *self.projections, *self.watch))}
+        return {call.block for call in calls_in(self.between)}
 
     def __str__(self) -> str:
         lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
         lines += [f"  {each}" for each in (*self.stage, *self.projections)]
-        if self.stop is not None:
-            lines += ["until", *(f"  {each}" for each in (*self.watch, self.stop))]
+        if self.ends_steps:
+            watched = self.between[len(self.stage) + len(self.projections) :]
+            lines += ["until", *(f"  {each}" for each in watched)]
         return "\n".join(lines)
 
 
@@ -363,7 +442,9 @@ class Plan:
     @property
     def can_stop(self) -> bool:
         """Whether a condition may end a run early."""
-        return any(isinstance(each, Stop) for each in self.operations)
+        crossings = () if self.integration is None else self.integration.crossings
+        guards = (each.guards for each in crossings)
+        return any(isinstance(each, Stop) for each in (*self.operations, *guards))
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.operations))

@@ -13,7 +13,6 @@ from operator import or_
 from runtime.plan.coupling import Columns
 from runtime.plan.operations import (
     Call,
-    Gate,
     Integrate,
     Load,
     Operation,
@@ -42,8 +41,7 @@ def signals_of(operations: Iterable[Operation]) -> set[Port]:
         elif isinstance(each, (Load, Store)):
             values += each.signals
         elif isinstance(each, Integrate):
-            found |= signals_of((*each.stage, *each.projections, *each.watch))
-            values += [] if each.stop is None else [each.stop.source.whole]
+            found |= signals_of(each.between)
         found |= {value.key for value in values if isinstance(value, Signal)}
     return found
 
@@ -58,12 +56,15 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
         store     b.out
     """
     loads: list[Signal] = []
-    every = operations[0].gate.every
+    rate = operations[0].gate.rate
     done: list[Operation] = []
     for each in operations:
         if isinstance(each, Integrate):
-            calls = list(calls_in((*each.stage, *each.watch)))
-            done.append(replace(each, stage=_stored(each.stage), watch=_stored(each.watch)))
+            calls = list(calls_in(each.between))
+            stops = [c.guards.source.whole for c in each.crossings if isinstance(c.guards, Stop)]
+            loads += [whole for whole in stops if isinstance(whole, Signal)]
+            stage, watch, after = map(_stored, (each.stage, each.watch, each.after))
+            done.append(replace(each, stage=stage, watch=watch, after=after))
         else:
             calls = list(calls_in([each]))
             done.append(each)
@@ -72,7 +73,7 @@ def exchanged(operations: Sequence[Operation]) -> list[Operation]:
             before = call.outputs if call.gate.switches else ()
             loads += [*call.reads, *call.gate.switches, *before]
     first = operations[0]
-    taken = Load(first.block, tuple(dict.fromkeys(loads)), Gate(every))
+    taken = Load(first.block, tuple(dict.fromkeys(loads)), rate)
     return [taken, *(done if isinstance(first, Integrate) else _stored(done))]
 
 
@@ -83,7 +84,7 @@ def _stored(operations: Sequence[Operation]) -> tuple[Operation, ...]:
     for each in operations:
         if isinstance(each, (Call, Solve)):
             done += waiting
-            waiting = [Store(each.block, each.outputs, Gate(each.gate.every))]
+            waiting = [Store(each.block, each.outputs, each.gate.rate)]
         done.append(each)
     return (*done, *waiting)
 

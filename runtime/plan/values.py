@@ -53,10 +53,12 @@ class StateArray:
 class Slot(StateArray):
     """A continuous state, and where it begins in the row of all continuous states of a graph.
 
-    As what a call writes, it is the state's rate of change.
+    As what a call writes, it is the state's rate of change. ``names`` are those of its components,
+    if they have any.
     """
 
     start: int
+    names: tuple[str, ...] = ()
 
     @property
     def stop(self) -> int:
@@ -64,12 +66,21 @@ class Slot(StateArray):
 
     def address(self, column: int) -> str:
         """The address of one number of the row, as probes write it."""
+        if self.names:
+            return f"{self}.{self.names[column - self.start]}"
         return str(self) + (f".{column - self.start}" if self.shape else "")
 
     def component(self, column: int) -> str:
         """The address of one number of the row, for messages."""
+        if self.names:
+            return self.names[column - self.start]
         inside = f"[{column - self.start}]" if self.shape else ""
         return f"{self.name}{inside}"
+
+
+@dataclass(frozen=True)
+class GuardSlot(Slot):
+    """The guards of a block, and where they begin in the row of all guards of a graph."""
 
 
 @dataclass(frozen=True)

@@ -191,11 +191,12 @@ def _graph(folder: Path, result: RunData) -> Html:
 
 def _provenance(folder: Path, result: RunData) -> Html:
     manifest = result.manifest
+    per_tick = manifest["us_per_tick"]
     more = [
         ("seed", str(manifest["seed"])),
         ("changes", "; ".join(map(str, manifest["overrides"])) or "none"),
         ("engine", str(manifest.get("engine") or "")),
-        ("time per tick", f"{float(manifest['us_per_tick']):.3g} µs"),
+        ("time per tick", "" if per_tick is None else f"{float(per_tick):.3g} µs"),
         ("folder", str(folder.resolve())),
     ]
     return join(pieces.provenance(manifest, more), *_hashes(manifest.get("hashes")))

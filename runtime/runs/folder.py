@@ -28,6 +28,7 @@ from blocks.world import World
 from runtime.document import SECOND, TIME_UNITS, rename_files
 from runtime.errors import UsageError
 from runtime.files import (
+    MAYBE_NUMBER,
     NUMBER,
     check_form,
     is_number,
@@ -51,9 +52,9 @@ DIAGRAM = "diagram.json"
 # Names of a run folder that a file which a block names must not take.
 WRITES = (MANIFEST, METRICS, PROBES, STATES, WRITTEN, RESOLVED, DIAGRAM, "plots")
 # What everything that reads a manifest relies on.
-_NUMBERS = dict.fromkeys(("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"), NUMBER)
+_NUMBERS = dict.fromkeys(("seed", "dt", "until", "ticks", "wall_s"), NUMBER)
 _FACTS = {
-    **{"graph": str, "status": str, **_NUMBERS},
+    **{"graph": str, "status": str, **_NUMBERS, "us_per_tick": MAYBE_NUMBER},
     **{"overrides": list, "removed": dict, "versions": dict, "argv": list},
 }
 # What numpy and zipfile raise over a file that is cut off or overwritten.

@@ -6,6 +6,7 @@ of the radius, with the scatter between seeds as the tolerance.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import nengo
@@ -122,6 +123,39 @@ def test_means_over_seeds_are_nengos(name: str) -> None:
     difference = np.sqrt(np.mean((mine.mean(axis=0) - other.mean(axis=0)) ** 2))
     assert difference < 0.02 + 2.0 * scatter
     assert difference < 0.2
+
+
+@pytest.mark.slow
+def test_the_basal_ganglia_inhibit_as_nengos_do() -> None:
+    """Means and deviations over 64 seeds, of each action in each of three choices."""
+    seeds = range(64)
+    mine = np.stack([ours("basal_ganglia", seed) for seed in seeds])
+    other = np.stack([theirs("basal_ganglia", 1.5, seed) for seed in seeds])
+    for first, last in ((200, 500), (700, 1000), (1200, 1500)):
+        a, b = (x[:, first:last].mean(axis=1) for x in (mine, other))
+        scatter = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / len(seeds))
+        z = (a.mean(axis=0) - b.mean(axis=0)) / scatter
+        assert np.abs(z).max() < 3.3, z  # of nine, one in a hundred would be larger by chance
+        quotients = a.std(axis=0, ddof=1) / b.std(axis=0, ddof=1)
+        assert (quotients > 0.62).all() and (quotients < 1.6).all(), quotients
+
+
+@pytest.mark.slow
+def test_the_lorenz_attractor_moves_as_nengos_does() -> None:
+    """Radius, and how often it changes wings, over eight seeds; it may come to rest under both."""
+    seconds, found = 5.0, []
+    for run in (
+        lambda seed: ours("lorenz_attractor", seed)[:5000],
+        partial(theirs, "lorenz_attractor", seconds),
+    ):
+        paths = [run(seed)[1500:] for seed in range(8)]
+        radius = [np.sqrt(path.var(axis=0).sum()) for path in paths]
+        changes = [(np.diff(np.sign(path[:, 0])) != 0).sum() for path in paths]
+        found.append(np.array([radius, changes], dtype=float))
+    mine, other = found
+    scatter = np.sqrt((mine.var(axis=1, ddof=1) + other.var(axis=1, ddof=1)) / 8)
+    z = (mine.mean(axis=1) - other.mean(axis=1)) / scatter
+    assert np.abs(z).max() < 3.0, z
 
 
 def slope(values: np.ndarray) -> float:

@@ -40,6 +40,11 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
             "replace blocks by a direct wire from their input to their output",
         ),
         ("--replace", "NAME=TYPE[,...]", "replace a block by one of another type"),
+        (
+            "--discretize",
+            "METHOD[,DT][:NAME,...]",
+            "sample continuous blocks by tustin, zoh or matched: tustin,0.01:pid",
+        ),
         ("--from", "RUN", "begin with the states that blocks of the same name had at a run's end"),
         ("--initial", "ADDRESS=RUN", "so for one block or state: snn.weights=runs/my/latest"),
     ):
@@ -113,6 +118,15 @@ def apply(graph: Graph, kind: str, text: str) -> Graph:
                 raise UsageError(f"{origin}: expected NAME=TYPE, as in lqr=PathPID")
             graph = graph.replace(name.strip(), typed.strip(), origin=origin)
         return graph
+    if kind == "discretize":
+        head, _, rest = text.partition(":")
+        method, _, step = (part.strip() for part in head.partition(","))
+        try:
+            dt = float(step) if step else None
+        except ValueError:
+            raise UsageError(f"{origin}: expected a step in s, as in tustin,0.01:pid") from None
+        names = [name.strip() for name in rest.split(",") if name.strip()]
+        return graph.discretized(method, dt, *names, origin=origin)
     if kind == "from":
         return graph.begin_from(text, origin=origin)
     path, equals, value = text.partition("=")

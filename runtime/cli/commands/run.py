@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from runtime.cli.commands.watching import Done
-    from runtime.engine import Interrupts
+    from runtime.engine import Interrupts, Profile
     from runtime.graph import Graph
     from runtime.runs import Result
 
@@ -106,7 +106,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
             pictures += [_diagram(graph, folder)] if options.watch else []
     except KeyboardInterrupt:
         code = code or 130
-    rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
+    rows = _profiled(profile, result.manifest) if profile else []
     if options.json:
         show_json(_summary(result, folder, options, others, rows))
     else:
@@ -246,6 +246,12 @@ def _labelled(options: Namespace, result: Result, other: Result) -> dict[str, Re
     return {first: result, second: other}
 
 
+def _profiled(profile: Profile, manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The rows of a profile; none of a run without a second tick."""
+    later = manifest["ticks"] - 1
+    return profile.rows(later, manifest["wall_s"] - manifest["ready_s"]) if later > 0 else []
+
+
 def _show_profile(rows: list[dict[str, Any]]) -> None:
     from runtime.engine import profile_text
 
@@ -296,10 +302,11 @@ def _print_result(
     if not others and before is not None:
         others = {("now", "before"): before}
     _tell_notes(result.notes, options)
-    simulated = manifest["ticks"] * manifest["dt"]
+    simulated, per_tick = manifest["ticks"] * manifest["dt"], manifest["us_per_tick"]
+    per_tick = "" if per_tick is None else f"{number(per_tick)} us a tick, "
     show(
         f"{result.title}: {simulated:g} {result.time_unit} in {manifest['wall_s']:.2f} s "
-        f"({number(manifest['us_per_tick'])} us a tick, {manifest['engine']} engine), "
+        f"({per_tick}{manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
     if result.metrics and others:

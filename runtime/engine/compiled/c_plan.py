@@ -8,7 +8,9 @@ several ticks.
 ``call gain.out: Scalar = gain.output(t, clock.time)`` with its test becomes::
 
     block_gain_output(ctx, plan->fields_gain, t, plan->out_clock_time, &plan->out_gain_out);
-    if (!(isfinite(plan->out_gain_out))) { ctx->at = 1; return 1; }
+    if (!isfinite(plan->out_gain_out)) {
+        if (!(isfinite(plan->out_gain_out))) { ctx->at = 1; return 1; }
+    }
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from blocks.core import SignalType
 from runtime.compiler import Kernel, written
 from runtime.engine.compiled.driver import DriverText
 from runtime.engine.compiled.plan_text import ATTEMPT, HELPERS, RUN, literal
+from runtime.engine.compiled.signals import NOT_INTEGRATED, STOPPED, UNSOLVED, SignalText
 from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
@@ -28,7 +31,7 @@ from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     Argument,
     Call,
-    CText,
+    GuardSlot,
     Integrate,
     Operation,
     Plan,
@@ -44,11 +47,6 @@ from runtime.plan import (
     numbers_in,
 )
 from runtime.toolchain import TranslationUnit
-
-# What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
-# of change is not finite, or its tolerance is not met), the run's condition to stop holds, or an
-# algebraic loop has no solution.
-FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
 
 
 @dataclass
@@ -78,8 +76,9 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     ----------
     kernels : the blocks that are compiled, by name; the others are called from Python.
     """
-    printer = EngineText(plan, names, kernels)
     parts, called = divided(plan, kernels)
+    is_one = not any(isinstance(each, (Integrate, Solve)) for each in plan.operations)
+    printer = EngineText(plan, names, kernels, has_locals=is_one and len(parts) == 1)
     for number, part in enumerate(parts):
         if len(parts) == 1:
             printer.operations(part)
@@ -93,6 +92,8 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     used = {each for kernel in kernels.values() for each in kernel.prototypes} | printer.own
     prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
     run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
+    for mark, lines in zip(("@first@", "@tick@", "@last@"), printer.moved(), strict=True):
+        run = run.replace(mark, "\n".join(lines))
     made.text = "\n".join([printer.struct.text(), prototypes, HELPERS + printer.functions + run])
     return made
 
@@ -124,14 +125,13 @@ def divided(
     return parts, called
 
 
-class EngineText(CText):
+class EngineText(SignalText):
     """Writes operations for the engine; ``struct`` has the values that they use."""
 
-    def __init__(self, plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> None:
-        super().__init__("k", depth=2)
-        self.plan, self.kernels = plan, kernels
-        self.struct = Struct(names)
-        self.calls: list[Call] = []
+    def __init__(
+        self, plan: Plan, names: Names, kernels: Mapping[str, Kernel], has_locals: bool
+    ) -> None:
+        super().__init__(plan, names, kernels, has_locals)
         self.others: list[TranslationUnit] = []
         self.own: set[str] = set()
         self.functions = ""
@@ -143,9 +143,6 @@ class EngineText(CText):
         }
 
     # Values
-
-    def signal(self, signal: Signal) -> str:
-        return self.struct.signal(signal)
 
     def place(self, source: Source) -> str:
         """The address of a signal or a state, or of the first number of a component."""
@@ -166,6 +163,8 @@ class EngineText(CText):
         return [text for s in call.rates for text in (self.slope(s), *_unknown(s.shape))]
 
     def slope(self, slot: Slot) -> str:
+        if isinstance(slot, GuardSlot):
+            return f"{self.struct.array('guards')} + {slot.start}"
         return f"{self.solvers('slopes')} + (stage * {self.plan.row.size} + {slot.start})"
 
     def solvers(self, array: str) -> str:
@@ -179,27 +178,13 @@ class EngineText(CText):
         if kernel.failures:  # a block that cannot fail leaves no number
             self.put(f"ctx->at = {len(self.calls)};")
         self.calls.append(call)
-        return kernel.symbols[call.method], ["ctx", self.struct.fields(call.block)]
+        return kernel.symbols[call.method], ["ctx", self.fields(call.block, kernel)]
 
-    def test(self, test: Test) -> None:
-        numbers: list[str] = []
-        tests: list[str] = []
-        for signal in test.outputs:
-            kind, name = signal.kind, self.signal(signal)
-            if kind.form == "array":
-                function = "all_finite" if kind.finite else "no_nan"
-                tests.append(f"{function}({name}, {numbers_in(kind)})")
-            elif kind.form == "scalar":
-                numbers.append(name)
-            else:
-                numbers += [f"{name}[{i}]" for i in range(len(kind.components))]
-        if numbers:
-            fast = f"isfinite({' + '.join(numbers)})"
-            if len(numbers) > 1:  # the sum of large numbers may be infinite
-                fast = f"({fast} || ({' && '.join(f'isfinite({each})' for each in numbers)}))"
-            tests.insert(0, fast)
-        wrong = f"ctx->at = {len(self.calls) - 1}; return {NOT_FINITE};"
-        self.put(f"if (!({' && '.join(tests)})) {{ {wrong} }}")
+    def fields(self, block: str, kernel: Kernel) -> str:
+        """The address of a block's struct: of a block inside of the plan's unit, a member."""
+        if not kernel.struct:
+            return self.struct.fields(block)
+        return self.struct.inner(block, kernel.struct, kernel.words)
 
     def uses(self, unit: TranslationUnit, prototypes: Sequence[str]) -> None:
         """Build a unit as well, and call its functions."""
@@ -208,6 +193,7 @@ class EngineText(CText):
 
     def solve(self, solve: Solve) -> None:
         """Try values of the unknowns, until the calls compute the same."""
+        self.tested()
         self.uses(*newton_unit(solve.size))
         memory = self.struct.array(f"loop_{solve.number}")
         given = f"{memory}, {self.struct.array(f'loop_{solve.number}_control')}, &going"
@@ -244,6 +230,7 @@ class EngineText(CText):
 
     def record(self, record: Record) -> None:
         """Record one row."""
+        self.tested()
         array, width = self.struct.array(f"probe_{record.number}"), record.width
         columns, number = record.columns or slice(0, width), row(record).replace("//", "/")
         start = f"({number}) * {width}" if width != 1 else number
@@ -253,13 +240,15 @@ class EngineText(CText):
 
     def stop_at_tick(self, stop: Stop) -> None:
         """End the run at a tick at which the condition holds."""
+        self.tested()
+        condition = CONDITIONS[stop.direction].replace(" and ", " && ").replace(" or ", " || ")
         with self.block(""):
             self.put(f"double *const stop = {self.struct.array('stop')};")
             self.put(f"const double beyond = {self.distance(stop)};")
-            with self.block(f"if ({condition(stop)})"):
-                self.put("stop[2] = 1.0, stop[4] = (double)k, stop[5] = t;")
-                self.put(f"return {STOPPED};")
-            self.put("stop[3] = beyond;")
+            with self.block(f"if ({condition})"):
+                self.put("stop[0] = 1.0, stop[2] = (double)k, stop[3] = t;")
+                self.put(self.ended(STOPPED))
+            self.put("stop[1] = beyond;")
 
     def distance(self, stop: Stop) -> str:
         """The distance of the signal that may end the run from the level."""
@@ -269,53 +258,45 @@ class EngineText(CText):
 
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
+        self.tested()
         method = method_of(part.solver, part.colours)
         self.uses(*solver_unit(part, method))
-        if part.stop is None:
-            self.integrated(part, method, "dt")
-            return
-        states, origin = self.solvers("states"), self.solvers("origin")
-        with self.block(""):
-            self.put(f"double *const stop = {self.struct.array('stop')};")
-            self.put("double span = dt, beyond = 0.0;")
-            self.put(f"solver_keep(ctx, NULL, {origin}, {states});")
-            self.put("stop[0] = 0.0, stop[1] = dt;")
-            with self.block("while (span > 0.0)"):
-                self.put(f"solver_keep(ctx, NULL, {states}, {origin});")
-                self.integrated(part, method, "span")
-                self.put("const double t = (double)k * dt + span;", "(void)t;")
-                self.operations(part.watch)
-                met = condition(part.stop)
-                self.put(f"beyond = {self.distance(part.stop)};")
-                self.put(f"solver_narrowed(ctx, NULL, stop, {met}, span, dt, &span);")
-            with self.block("if (stop[2] > 0.0)"):
-                self.put("stop[4] = (double)k, stop[5] = (double)k * dt + stop[1];")
-                self.put(f"return {STOPPED};")
+        if method.errors:
+            self.attempts(part, method)
+        if part.ends_steps:
+            with self.block(""):
+                self.located(part, method)
+        elif method.errors:
+            self.put("double done = 0.0, h = 0.0;")
+            with self.block("while (done < dt)"):
+                self.run("substep", self.solvers("control"), "done", "dt", "&h")
+                self.run("keep", self.solvers("start"), self.solvers("states"))
+                self.attempt()
+                self.judge("dt", "done")
+                self.operations(part.projections)
+        else:
+            self.run("keep", self.solvers("start"), self.solvers("states"))
+            self.stages(part, method, "dt", "dt")
+            self.operations(part.projections)
 
-    def integrated(self, part: Integrate, method: Method, span: str) -> None:
-        """Integrate the continuous states over a span from the tick."""
-        if not method.errors:
-            self.stages(part, method, span, span)
-            self.operations(part.projections)
-            return
-        self.attempts(part, method)
-        self.put("double done = 0.0, h = 0.0;")
-        control = self.solvers("control")
-        states, start = self.solvers("states"), self.solvers("start")
-        with self.block(f"while (done < {span})"):
-            self.put(f"solver_substep(ctx, NULL, {control}, done, {span}, &h);")
-            self.put(f"solver_keep(ctx, NULL, {start}, {states});")
-            self.put("const int64_t ended = attempt(plan, ctx, k, done, h);")
-            with self.block("if (ended)"):
-                self.put("double refused = 0.0;")
-                given = f"{states}, {start}, {control}, h, &refused"
-                self.put(f"solver_refused(ctx, NULL, {given});")
-                self.put("if (refused < 0.0) return ended;", "continue;")
-            arrays = [self.solvers(each) for each in ("states", "start", "slopes", "errors")]
-            given = ", ".join([*arrays, control, "done", "h", span, "&done"])
-            self.put(f"solver_judged(ctx, NULL, {given});")
-            self.put(f"if (done < 0.0) return {NOT_INTEGRATED};")
-            self.operations(part.projections)
+    def run(self, function: str, *given: str) -> None:
+        """Call a function of the solver's unit."""
+        self.put(f"solver_{function}(ctx, NULL, {', '.join(given)});")
+
+    def attempt(self, *undo: str) -> None:
+        """Take a step, which may be too long."""
+        self.put("const int64_t ended = attempt(plan, ctx, k, done, h);")
+        with self.block("if (ended)"):
+            self.put("double refused = 0.0;")
+            arrays = map(self.solvers, ("states", "start", "control"))
+            self.run("refused", *arrays, "h", "&refused")
+            self.put("if (refused < 0.0) return ended;", *undo, "continue;")
+
+    def judge(self, end: str, target: str) -> None:
+        """Accept a step by its estimated error, or go back to its start."""
+        arrays = map(self.solvers, ("states", "start", "slopes", "errors", "control"))
+        self.run("judged", *arrays, "done", "h", end, f"&{target}")
+        self.put(f"if ({target} < 0.0) return {NOT_INTEGRATED};")
 
     def attempts(self, part: Integrate, method: Method) -> None:
         """``attempt``, a function that takes one step ``h``, and comes back where a block fails."""
@@ -326,26 +307,88 @@ class EngineText(CText):
         self.lines, self.depth = before, depth
 
     def stages(self, part: Integrate, method: Method, h: str, span: str) -> None:
-        """The stages of one step ``h`` of the solver."""
+        """The stages of one step ``h`` of the solver, ``done`` after the tick if it has no span."""
         states, start, slopes, table = map(self.solvers, ("states", "start", "slopes", "table"))
         node = f"{table}[stage * {method.table.shape[1]} + {method.stages}]"
-        since = f"(done + {node} * h)" if method.errors else f"{node} * {span}"
-        if not method.errors:
-            self.put(f"solver_keep(ctx, NULL, {start}, {states});")
+        since = f"{node} * {span}" if span else f"(done + {node} * h)"
         with self.block(f"for (int64_t stage = 0; stage < {method.stages}; stage++)"):
             self.put(f"const double t = (double)k * dt + {since};  /* {part.solver} */", "(void)t;")
             self.operations(part.stage)
             self.put("double bad = -1.0;")
-            self.put(f"solver_first_bad(ctx, NULL, {slopes}, stage, &bad);")
+            self.run("first_bad", slopes, "stage", "&bad")
             self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
             given = [states, start, slopes, table, "stage", h]
             given += map(self.solvers, ("colours", "pattern") if method.is_implicit else ())
-            self.put(f"solver_moved(ctx, NULL, {', '.join(given)});")
+            self.run("moved", *given)
 
+    def located(self, part: Integrate, method: Method) -> None:
+        """Integrate in steps that end at edges and events; see ``engine/events.py``."""
+        sides, directions, guards, fired = map(
+            self.struct.array, ("sides", "directions", "guards", "fired")
+        )
+        edges = [self.struct.array("edges"), str(len(part.edges))]
+        self.put(f"double *const search = {self.struct.array('search')};")
+        self.run("opened", "search", *edges, "(double)k * dt", "dt")
+        with self.block("while (search[0] > 0.0)"):
+            self.put("double h = 0.0, found = 0.0;", "const double done = search[1];")
+            self.run("proposed", "search", sides, *edges, "(double)k * dt", "dt", "&h")
+            with self.block("if (h > 0.0)"):
+                self.ending_step(part, method)
+            self.put("const double t = (double)k * dt + (done + h);", "(void)t;")
+            self.operations(part.watch)
+            for crossing in part.crossings:
+                if isinstance(crossing.guards, Stop):
+                    distance = self.distance(crossing.guards)
+                    self.put(f"({guards})[{crossing.start}] = {distance};")
+                else:
+                    self.operations([crossing.guards])
+            self.run("decided", "search", sides, directions, guards, fired, "h", "dt", "&found")
+            self.put("if (found == 1.0) continue;")
+            self.put(f"if (found == 4.0) return {NOT_INTEGRATED};")
+            self.operations(part.projections)
+            with self.block("if (found > 1.0)"):
+                self.happened(part, fired)
+        if self.plan.can_stop:
+            self.put(f"if (({self.struct.array('stop')})[0] > 0.0) return {STOPPED};")
 
-def condition(stop: Stop) -> str:
-    """The condition of ``run.stop`` in C."""
-    return CONDITIONS[stop.kind].replace(" and ", " && ").replace(" or ", " || ")
+    def ending_step(self, part: Integrate, method: Method) -> None:
+        """A step, or a shorter one from the same start."""
+        states, start = self.solvers("states"), self.solvers("start")
+        with self.block("if (search[0] == 2.0)"):
+            if method.errors:
+                self.run("substep", self.solvers("control"), "done", "done + h", "&h")
+            self.run("keep", start, states)
+        with self.block("else"):
+            self.run("keep", states, start)
+        if not method.errors:
+            self.stages(part, method, "h", "")
+            return
+        self.attempt("search[0] = 2.0;")
+        with self.block("if (search[0] == 2.0)"):
+            self.put("double reached = 0.0;")
+            self.judge("search[2]", "reached")
+            self.put("if (reached == done) continue;")
+
+    def happened(self, part: Integrate, fired: str) -> None:
+        """What follows at the time of an event or an edge."""
+        self.put("const double t = (double)k * dt + search[1];", "(void)t;")
+        if part.log:
+            log, count = self.struct.array("log"), self.struct.array("count")
+            self.run("noted", log, str(part.log), count, fired, "t")
+        for crossing in part.crossings:
+            if isinstance(crossing.guards, Stop):
+                stop = f"({self.struct.array('stop')})"
+                with self.block(f"if (({fired})[{crossing.start}] > 0.0)"):
+                    self.put(f"{stop}[0] = 1.0, {stop}[2] = (double)k, {stop}[3] = t;")
+                    self.put("search[0] = 0.0;")
+            elif crossing.event is not None:
+                count = str(len(crossing.directions))
+                with (
+                    self.block(f"for (int64_t which = 0; which < {count}; which++)"),
+                    self.block(f"if (({fired})[{crossing.start} + which] > 0.0)"),
+                ):
+                    self.operations([crossing.event])
+        self.operations(part.after)
 
 
 def _unknown(shape: Sequence[int]) -> list[str]:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
 from runtime.engine.python_text import PythonText
-from runtime.plan import Load, Operation, Plan, Signal, Store, exchanged
+from runtime.plan import ALWAYS, Load, Operation, Plan, Signal, Store, exchanged
 
 
 class DriverText(PythonText):
@@ -39,13 +39,14 @@ class DriverText(PythonText):
         ----------
         called : what is done between each two parts.
         """
-        rates = sorted({operations[0].gate.every for operations in called})
+        gates = (operations[0].gate for operations in called)
+        rates = sorted({(gate.every, gate.offset) for gate in gates})
         self.leave = "return"
-        halted = " and not stop[2]" if self.plan.can_stop else ""
+        halted = " and not stop[0]" if self.plan.can_stop else ""
         self.line(0, "def drive(first, last):")
         self.line(1, "k = first")
         self.line(1, f"while k < last{halted}:")
-        following = ", ".join(f"-(-k // {every}) * {every}" for every in rates)
+        following = ", ".join(f"-(({o} - k) // {every}) * {every} + {o}" for every, o in rates)
         self.line(2, f"due = min(last, {following})")
         self.line(2, "if k < due:")
         self.line(3, f"run(k, due, 0, {len(called) + 1})")
@@ -55,9 +56,9 @@ class DriverText(PythonText):
         for number, operations in enumerate(called):
             self.line(2, f"run(k, k + 1, {number}, {number + 1})")
             if self.plan.can_stop:
-                self.line(2, "if stop[2]:")
+                self.line(2, "if stop[0]:")
                 self.line(3, self.leave)
-            self.rate = 0
+            self.rate = ALWAYS
             self.operations(exchanged(operations))
         self.line(2, f"run(k, k + 1, {len(called)}, {len(called) + 1})")
         self.line(2, "k += 1")

@@ -60,15 +60,19 @@ def make_kernels(
     for (block, port), kind in network.types.items():
         kinds[block][port] = kind
     wires = Counter((wire.block, wire.port) for wire in network.driving)
+    moves = bool(shapes)
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
-        calls = calls_of(spec, entry.evaluations)
+        is_guarded = moves and spec.guards is not None and network.is_located(name)
+        guards = len(entry.block.crossings(network.context(name))) if is_guarded else 0
+        calls = calls_of(spec, entry.evaluations, guards)
         if not calls:
             continue
         terms = {p: wires[name, p] for p, declared in spec.inputs.items() if declared.variadic}
         try:
             kernel = kernels.compiled[name] = make_kernel(
-                entry.block, states[name], terms, kinds[name], calls, checked, shapes[name], records
+                *(entry.block, states[name], terms, kinds[name], calls, checked, shapes[name]),
+                *(records, guards),
             )
             if kernel.is_new:
                 begin(kernel)

@@ -41,13 +41,19 @@ static int64_t ticks(struct plan *plan, struct context *ctx, int64_t first, int6
     (void)set_zero;
     (void)low;
     (void)high;
+    int64_t ended = 0;
+@first@
     for (int64_t k = first; k < last; k++) {
         const double t = (double)k * dt;
         (void)t;
         ctx->tick = k;
+@tick@
 @body@
     }
-    return 0;
+    goto end;
+end:
+@last@
+    return ended;
 }
 
 int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,

@@ -19,17 +19,10 @@ import numpy as np
 from blocks.core import BlockState
 from runtime.codegen import support
 from runtime.compiler import Kernel, plain
-from runtime.engine.compiled.c_plan import (
-    FAILED,
-    FINISHED,
-    NOT_FINITE,
-    STOPPED,
-    UNSOLVED,
-    PlanText,
-    c_plan,
-)
+from runtime.engine.compiled.c_plan import PlanText, c_plan
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
+from runtime.engine.compiled.signals import FAILED, FINISHED, NOT_FINITE, STOPPED, UNSOLVED
 from runtime.engine.program import Program
 from runtime.engine.runners import CompiledError, RunContext
 from runtime.engine.state import Array, Held
@@ -52,7 +45,7 @@ class Template:
     compiled: tuple[str, ...]
 
 
-# The last template of each program; it may not fit the next seed.
+# The last template of each plan, by its first program; it may not fit the next seed or numbers.
 _latest: WeakKeyDictionary[Program, dict[bool, Template]] = WeakKeyDictionary()
 
 
@@ -70,7 +63,7 @@ def template(
     note : called with a message for the user when something is compiled.
     checked : with a check of every index that may be outside of its array.
     """
-    known = _latest.setdefault(program, {}).get(checked)
+    known = _latest.setdefault(program.origin, {}).get(checked)
     entries = program.network.entries
     if known is not None and all(
         kernel.fits(entries[name].block, states[name])
@@ -87,7 +80,7 @@ def template(
         for name in sorted(kernels.broken):
             note(f"block '{name}' is called from Python: {kernels.refused[name]}")
         made = _built(program, kernels, builder, note)
-    _latest[program][checked] = made
+    _latest[program.origin][checked] = made
     return made
 
 
@@ -167,6 +160,11 @@ class CompiledRunner:
         self.blocks: Collection[str] = self.kernels.compiled.keys()
         self.memory = Context()
         self.fields = [self._pointer(name, *to) for name, to in self.struct.pointers.items()]
+        for name, block in self.struct.inside.items():
+            start, size = self.struct.members[name]
+            words = self._fields(block)
+            self.words.ints[start : start + size] = words.ints
+            self.fields.append(words)
         for name, value in self.struct.fills.items():
             start, size = self.struct.members[name]
             self.words.floats[start : start + size] = value
@@ -179,9 +177,7 @@ class CompiledRunner:
         """Fill a member of the plan's struct that is an address."""
         at, _ = self.struct.members[name]
         if kind == "fields":
-            kernel, made = self.kernels.compiled[owner], self.network.entries[owner].block
-            words = Words(kernel.words)
-            words.fill(kernel.fields(made, self.context.states[owner]))
+            words = self._fields(owner)
             self.words.point(at, words.ints)
             return words
         value = self.context.namespace[owner] if kind == "array" else None
@@ -192,6 +188,13 @@ class CompiledRunner:
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.words.point(at, np.asarray(value))
         return None
+
+    def _fields(self, block: str) -> Words:
+        """The struct of a block."""
+        kernel, made = self.kernels.compiled[block], self.network.entries[block].block
+        words = Words(kernel.words)
+        words.fill(kernel.fields(made, self.context.states[block]))
+        return words
 
     def _constants(self) -> None:
         """Fill in outputs that never change."""

@@ -5,12 +5,25 @@ In go the method and the states, out comes a unit of C, once for all graphs alik
 
 from __future__ import annotations
 
+from inspect import signature
 from typing import Any
 
 from runtime import engine
-from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
+from runtime.codegen import FLOAT, INT, Array, Entry, Type
 from runtime.compiler import salt
 from runtime.engine import loops
+from runtime.engine.events import (
+    SEARCH,
+    accept,
+    decided,
+    guess,
+    met,
+    nearness,
+    next_end,
+    noted,
+    opened,
+    proposed,
+)
 from runtime.engine.rosenbrock import (
     difference,
     factor_loops,
@@ -23,10 +36,10 @@ from runtime.engine.solvers import (
     Method,
     estimated,
     first_bad,
+    growth,
     judged,
     keep,
     moved,
-    narrowed,
     refused,
     substep,
 )
@@ -67,12 +80,10 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
         again: list[tuple[str, Type]] = [*rows, ("control", control), ("h", FLOAT)]
         entries.append(Entry("solver_refused", "refused", again, [FLOAT]))
-        functions += [substep, estimated, judged, refused]
-    if part.stop is not None:  # the run may stop between two ticks
-        search: list[tuple[str, Type]] = [("stop", Array("float", (6,))), ("met", BOOL)]
-        search += [("span", FLOAT), ("dt", FLOAT)]
-        entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))
-        functions.append(narrowed)
+        functions += [substep, growth, estimated, judged, refused]
+    if part.ends_steps:
+        entries += located(len(part.directions))
+        functions += [next_end, opened, proposed, nearness, met, accept, decided, guess, noted]
     return _written("the solver", entries, functions, TITLE)
 
 
@@ -104,3 +115,17 @@ def _written(
         record = {"text": made.text, "prototypes": made.prototypes}
         write_record(key, record)
     return TranslationUnit(name, record["text"]), record["prototypes"]
+
+
+def located(guards: int) -> list[Entry]:
+    """The functions of steps that end at events and edges."""
+    types: dict[str, Type] = dict.fromkeys(("t", "h", "dt"), FLOAT)
+    types |= dict.fromkeys(("sides", "directions", "guards", "fired"), Array("float", (guards,)))
+    types |= {"search": Array("float", (SEARCH,)), "edges": Array("float", (None,))}
+    types |= {"log": Array("float", (None, 2)), "count": Array("float", (1,))}
+
+    def entry(function: Any, *results: Type) -> Entry:
+        arguments = [(name, types[name]) for name in signature(function).parameters]
+        return Entry(f"solver_{function.__name__}", function.__name__, arguments, list(results))
+
+    return [entry(opened), entry(proposed, FLOAT), entry(decided, FLOAT), entry(noted)]

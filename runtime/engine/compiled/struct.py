@@ -22,6 +22,7 @@ class Struct:
         ``state``, its ``initial`` copy, or an ``array`` that the engine names.
     signals : the member of each output.
     fills : members that are filled once, with a number.
+    inside : members that are the struct of a block.
     """
 
     names: Names
@@ -29,6 +30,7 @@ class Struct:
     pointers: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     signals: dict[Port, str] = field(default_factory=dict)
     fills: dict[str, float] = field(default_factory=dict)
+    inside: dict[str, str] = field(default_factory=dict)
     declared: list[str] = field(default_factory=list)
     words: int = 0
 
@@ -67,6 +69,13 @@ class Struct:
     def fields(self, block: str) -> str:
         """The struct of a block."""
         return self.pointer(f"fields_{self.names.blocks[block]}", "fields", block)
+
+    def inner(self, block: str, declared: str, words: int) -> str:
+        """The address of the struct of a block as a member, which saves reading an address."""
+        name = f"fields_{self.names.blocks[block]}"
+        self.member(name, max(1, words), f"{declared} {name}")
+        self.inside[name] = block
+        return f"&plan->{name}"
 
     def state(self, state: StateArray, kind: str = "state") -> str:
         """The address of a state, or of its ``initial`` copy."""

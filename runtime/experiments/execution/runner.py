@@ -3,30 +3,98 @@
 In: an iterator of trials, and a worker pool. Out: (trial, result) in the order in which they end::
 
     trials 0, 1, 2 on two workers; the worker of 1 dies  ->  0, 2, and 1 from another worker
+
+Where a call costs more than a short trial, on a cluster, several trials are one call. If it fails,
+each of them is a call of its own from then on, so that a trial which ends workers ends no other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
+from itertools import islice
 
 from runtime.errors import UsageError, one_line
 from runtime.experiments.execution.trials import Trial
-from runtime.experiments.execution.worker import Task, TrialResult, run_task
+from runtime.experiments.execution.worker import Task, TrialResult, run_tasks
 from runtime.experiments.execution.worker_pool import WorkerPool
 from runtime.terminal import Progress
 
 # A worker that was killed by chance costs its trial another try. A trial that itself ends workers,
 # mostly because memory runs out, must not be tried for ever.
 ATTEMPTS = 3
+# A call of several trials takes about so long: it is what the death of a worker costs at most, and
+# how much later than the others the last worker ends.
+CALL_SECONDS = 0.5
 POLL = 1.0  # s; how often the remaining time is redrawn
 
 
 @dataclass(frozen=True)
-class _Submission:
-    trial: Trial
+class _Call:
+    trials: tuple[Trial, ...]
     attempt: int
+
+
+class _Sender:
+    """Sends trials to a pool, as many in a call as take :data:`CALL_SECONDS`."""
+
+    def __init__(
+        self, trials: Iterator[Trial], pool: WorkerPool, task: Callable[[Trial], Task]
+    ) -> None:
+        self.trials, self.pool, self.task = trials, pool, task
+        self.running: dict[Future[list[TrialResult]], _Call] = {}
+        self.seconds = CALL_SECONDS  # that a trial takes: one in a call until that is known
+
+    def fill(self) -> None:
+        """Send trials until all workers have enough to do."""
+        while len(self.running) < self.pool.width():
+            number = min(self.pool.most, max(1, int(CALL_SECONDS / max(self.seconds, 1e-6))))
+            if not (some := tuple(islice(self.trials, number))):
+                return
+            self.send(some, 1)
+
+    def send(self, trials: tuple[Trial, ...], attempt: int) -> None:
+        call = self.pool.executor.submit(run_tasks, [self.task(trial) for trial in trials])
+        self.running[call] = _Call(trials, attempt)
+
+    def outcome(self, future: Future[list[TrialResult]]) -> Iterable[tuple[Trial, TrialResult]]:
+        """The trials of a call that has ended, with their results; those to repeat are sent.
+
+        Raises
+        ------
+        UsageError : no worker can run trials.
+        """
+        call = self.running.pop(future)
+        try:
+            results = future.result()
+        except self.pool.deaths as error:
+            self.pool.check()
+            if len(call.trials) > 1 or call.attempt < ATTEMPTS:
+                return self._again(call, call.attempt + 1)
+            failure = TrialResult("lost", _lost(error))
+        except TimeoutError as error:
+            failure = TrialResult("timeout", str(error))
+        except UsageError:
+            raise
+        except ImportError as error:
+            message = f"{type(error).__name__}: {error}"
+            raise UsageError(f"the workers cannot run trials: {message}") from error
+        except Exception as error:  # noqa: BLE001 -- such as a result too large to send
+            if len(call.trials) > 1:
+                return self._again(call, call.attempt)
+            failure = TrialResult("failed", one_line(f"{type(error).__name__}: {error}"))
+        else:
+            spent = sum(result.wall_s for result in results) / len(results)
+            self.seconds += (spent - self.seconds) / 4
+            return zip(call.trials, results, strict=True)
+        return [(trial, failure) for trial in call.trials]
+
+    def _again(self, call: _Call, attempt: int) -> list[tuple[Trial, TrialResult]]:
+        """Send each trial of a call again, alone; none has a result."""
+        for trial in call.trials:
+            self.send((trial,), attempt)
+        return []
 
 
 def run_trials(
@@ -35,7 +103,7 @@ def run_trials(
     task: Callable[[Trial], Task],
     idle: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Trial, TrialResult]]:
-    """Run trials in parallel; yields each as it ends.
+    """Run trials in parallel; yields each as its call ends.
 
     A trial whose worker died is repeated, up to ``ATTEMPTS`` times in total. Any other error of a
     call makes that trial fail, unless no worker could run any trial.
@@ -46,42 +114,15 @@ def run_trials(
     task : how to run a trial; called when the trial is sent.
     idle : called about every second.
     """
-    running: dict[Future[TrialResult], _Submission] = {}
-
-    def send(trial: Trial, attempt: int) -> None:
-        running[pool.executor.submit(run_task, task(trial))] = _Submission(trial, attempt)
-
-    exhausted = False
-    while running or not exhausted:
-        while not exhausted and len(running) < pool.width():
-            trial = next(trials, None)
-            if trial is None:
-                exhausted = True
-            else:
-                send(trial, 1)
-        completed, _ = wait(running, timeout=POLL, return_when=FIRST_COMPLETED)
+    sender = _Sender(trials, pool, task)
+    sender.fill()
+    while sender.running:
+        completed, _ = wait(sender.running, timeout=POLL, return_when=FIRST_COMPLETED)
         for future in completed:
-            sent = running.pop(future)
-            try:
-                yield sent.trial, future.result()
-            except TimeoutError as error:
-                yield sent.trial, TrialResult("timeout", str(error))
-            except pool.deaths as error:
-                pool.check()
-                if sent.attempt < ATTEMPTS:
-                    send(sent.trial, sent.attempt + 1)
-                else:
-                    yield sent.trial, TrialResult("lost", _lost(error))
-            except UsageError:
-                raise
-            except ImportError as error:
-                message = f"{type(error).__name__}: {error}"
-                raise UsageError(f"the workers cannot run trials: {message}") from error
-            except Exception as error:  # noqa: BLE001 -- such as a result too large to send
-                reason = one_line(f"{type(error).__name__}: {error}")
-                yield sent.trial, TrialResult("failed", reason)
+            yield from sender.outcome(future)
         pool.check()
         idle()
+        sender.fill()
 
 
 def run_all(

@@ -14,7 +14,7 @@ import math
 import shutil
 import tempfile
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -134,6 +134,11 @@ def run_task(task: Task) -> TrialResult:
     )
 
 
+def run_tasks(tasks: Sequence[Task]) -> list[TrialResult]:
+    """Run several trials, one after the other."""
+    return [run_task(task) for task in tasks]
+
+
 def _metrics(configuration: Configuration) -> list[Metric]:
     return _build(configuration.bundle, configuration.edits).observation.metrics
 
@@ -206,11 +211,16 @@ def _load(bundle: GraphBundle) -> Graph:
 
 @lru_cache(CACHED_GRAPHS)
 def _build(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
-    """A graph with its network, which all seeds of a configuration share."""
+    """A graph with its network, which all seeds of a configuration share.
+
+    What the graph before was made of is used again as far as it is the same. Loops are found when
+    the run is planned, which records less than the graph does.
+    """
     graph = _load(bundle)
     for path, cell in edits:
         graph = graph.set(path, parse_yaml(cell, path).plain(), origin=path)
-    return graph.check()
+    _ = graph.network  # raises what is wrong
+    return graph
 
 
 @lru_cache(1)

@@ -18,6 +18,8 @@ from runtime.errors import MissingExtraError, UsageError
 from runtime.experiments.processes import ProcessExecutor, WorkerDied
 from runtime.toolchain import processors
 
+# A cluster's scheduler and client take 6 ms a call, as long as a short trial.
+MOST_IN_CALL = 50
 CONNECT_TIMEOUT = 10.0  # s; time limit for a cluster's scheduler to answer
 
 
@@ -31,6 +33,7 @@ class WorkerPool:
     leave : ends the workers; called with True if all calls are done, else it kills them.
     deaths : exceptions of a call's future that mean that its worker died.
     check : raises ``UsageError`` if no more calls can be run.
+    most : trials in one call.
     """
 
     executor: Executor
@@ -38,6 +41,7 @@ class WorkerPool:
     leave: Callable[[bool], None]
     deaths: tuple[type[BaseException], ...]
     check: Callable[[], None] = lambda: None
+    most: int = 1
 
 
 def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
@@ -103,4 +107,4 @@ def cluster_pool(address: str) -> WorkerPool:
         except (OSError, RuntimeError):
             raise no_scheduler from None
 
-    return WorkerPool(executor, width, leave, (KilledWorker, CancelledError), check)
+    return WorkerPool(executor, width, leave, (KilledWorker, CancelledError), check, MOST_IN_CALL)

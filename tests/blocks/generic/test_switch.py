@@ -10,7 +10,7 @@ import pytest
 import blocks
 import runtime
 from blocks import Path, Scan, SignalType, Twist
-from blocks.core.block import BlockState
+from blocks.core import BlockState
 from blocks.generic.arithmetic import Switch
 from runtime import check_block
 from tests.blocks.worlds import started

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from blocks import ParameterError, World
-from blocks.core.block import BlockState
+from blocks.core import BlockState
 from blocks.core.signals import FloatArray
 from blocks.mujoco.robot_model import SKID_CLEARANCE
 from blocks.mujoco.vacuum import WHEEL_RATES, MujocoVacuum

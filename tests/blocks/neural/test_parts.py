@@ -147,7 +147,13 @@ def activities(n: int, points: int) -> tuple[np.ndarray, np.ndarray]:
 def test_decoders_are_nengos(n: int) -> None:
     a, y = activities(n, 200)
     rng = np.random.default_rng(0)
-    pairs = {"l2": nengo.solvers.LstsqL2(reg=0.1), "nnls": nengo.solvers.Nnls()}
+    pairs = {
+        "l2": nengo.solvers.LstsqL2(reg=0.1),
+        "l2_nz": nengo.solvers.LstsqL2nz(reg=0.1),
+        "nnls": nengo.solvers.Nnls(),
+        "nnls_l2": nengo.solvers.NnlsL2(reg=0.1),
+        "nnls_l2_nz": nengo.solvers.NnlsL2nz(reg=0.1),
+    }
     for name, theirs in pairs.items():
         expected, _ = theirs(a, y)
         found = DecoderSolver.read(name).solve(a, y, rng)

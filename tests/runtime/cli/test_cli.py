@@ -81,6 +81,29 @@ def test_json_prints_one_object_and_nothing_else(cli: Run, small: Path, tmp_path
     assert (tmp_path / summary["run"] / "probes.npz").is_file()
 
 
+@pytest.mark.parametrize(("until", "value", "code"), [("0.01", 1.0, 0), ("1", 0.0, 3)])
+def test_a_run_without_a_second_tick_has_no_time_per_tick(
+    cli: Run, tmp_path: Path, until: str, value: float, code: int
+) -> None:
+    graph = {
+        "run": {"dt": 0.01, "until": 1.0},
+        "blocks": {
+            "x": {"type": "Constant", "value": value},
+            "f": {"type": "Function", "expression": "1 / u"},
+        },
+        "wires": {"f": {"u": "x.value"}},
+        "probes": {"y": "f.out"},
+    }
+    (tmp_path / "g.yaml").write_text(json.dumps(graph), encoding="utf-8")
+    done = cli("run", "g.yaml", "--until", until, "--profile", "--no-plots")
+    assert done.returncode == code, done.stderr
+    assert "us a tick" not in done.stdout
+    assert "us/tick" not in done.stdout
+    manifest = json.loads(next(tmp_path.glob("runs/*/2*/manifest.json")).read_text("utf-8"))
+    assert manifest["us_per_tick"] is None
+    assert cli("report", "runs/graph/latest").returncode == 0
+
+
 def test_changes_apply_in_the_order_written(cli: Run, small: Path) -> None:
     done = cli(
         *("run", "small.yaml", "--json", "--no-plots", "--bypass", "limit"),

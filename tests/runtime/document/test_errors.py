@@ -108,8 +108,14 @@ CASES = {
     ],
     "param of params": [
         ("{type: LinePath}", "{type: LinePath, y: $a}"),
-        "params: {a: $b, b: 1}\n",
-        "g.yaml:18:13: params.a: '$b': the values of params cannot be other params",
+        "params: {a: $b, b: 2*$a}\n",
+        "g.yaml:18:13: params.a: the param is computed from itself: $a -> $b -> $a",
+    ],
+    "arithmetic of params": [
+        ("{type: LinePath}", "{type: LinePath, y: $a}"),
+        "params: {a: 2*$b*c, b: 1}\n",
+        "g.yaml:18:13: params.a: expected arithmetic with numbers, as in '$d * 0.5': "
+        "unknown name 'c'; known: pi, e, tau (in '2*$b*c')",
     ],
     "value of a param": [
         ("{type: LinePath}", "{type: LinePath, samples: $n}"),

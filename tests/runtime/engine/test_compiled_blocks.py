@@ -275,6 +275,22 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Function(expression="u[1]**4 + exp(-u[0]**2)/(1+u[0]**2)**0.5"), absent=True),
     ],
     "Concatenate": [Case(blocks.Concatenate()), Case(blocks.Concatenate(), absent=True)],
+    "Broadcast": [Case(blocks.Broadcast(n=5)), Case(blocks.Broadcast(n=1))],
+    "Cross": [Case(blocks.Cross())],
+    "Normalize": [Case(blocks.Normalize())],
+    "MatrixMultiply": [
+        Case(blocks.MatrixMultiply(rows=2, inner=3)),
+        Case(blocks.MatrixMultiply(rows=2, inner=3, columns=4)),
+    ],
+    "Rotate": [Case(blocks.Rotate()), Case(blocks.Rotate(inverse=True))],
+    "QuaternionMultiply": [
+        Case(blocks.QuaternionMultiply()),
+        Case(blocks.QuaternionMultiply(inverse_left=True)),
+    ],
+    "QuaternionIntegrator": [
+        Case(blocks.QuaternionIntegrator(), free=("q",)),
+        Case(blocks.QuaternionIntegrator(frame="world", initial=[1, 1, 0, 0]), free=("q",)),
+    ],
     "Select": [
         Case(blocks.Select(indices=[1, 0, 1])),
         Case(blocks.Select(indices=[0]), absent=True),
@@ -392,6 +408,18 @@ CASES: dict[str, list[Case]] = {
                 output="n + u[0]",
             )
         ),
+    ],
+    "LinearQuadraticRegulator": [
+        Case(
+            blocks.LinearQuadraticRegulator(
+                A=[[0, 1], [2, 0]], B=[[1, 0], [0, 1]], Q=[1, 1], R=[1, 2], x0=[1, 2], u0=[3, 4]
+            )
+        ),
+        Case(blocks.LinearQuadraticRegulator(**REQUIRED["LinearQuadraticRegulator"])),
+    ],
+    "SteadyStateKalman": [Case(blocks.SteadyStateKalman(**REQUIRED["SteadyStateKalman"]))],
+    "DiscreteSteadyStateKalman": [
+        Case(blocks.DiscreteSteadyStateKalman(**REQUIRED["DiscreteSteadyStateKalman"]))
     ],
     "ExtendedKalmanFilter": [
         Case(blocks.ExtendedKalmanFilter(**REQUIRED["ExtendedKalmanFilter"])),

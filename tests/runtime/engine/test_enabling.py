@@ -197,8 +197,9 @@ def test_a_linearization_at_a_time_when_a_part_is_off() -> None:
 
 def test_explain_says_what_switches_a_block(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["explain", "gallery/night_setback"]) == 0
+    assert "from input, while control.enable.on" in capsys.readouterr().out
+    assert run(["explain", "gallery/night_setback", "--code"]) == 0
     text = capsys.readouterr().out
-    assert "from input, while control.enable.on" in text
     assert "if control_enable_on:" in text
 
 

@@ -73,10 +73,24 @@ def test_a_sampled_signal_stops_the_run_at_a_tick(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_signal_that_holds_at_the_start_stops_the_run_at_once(engine: str) -> None:
-    result = stopping({"when": "position.out", "above": 0.5}, engine=engine).run()
-    assert result.manifest["stopped_at"] == 0.0
-    assert len(result["x"]) == 1
+@pytest.mark.parametrize("watched", ["position.out", "sampled.out"])
+def test_a_signal_beyond_the_level_at_the_start_has_to_pass_it(engine: str, watched: str) -> None:
+    """cos(t) is above 0.5 at first, and again from 5 pi / 3 = 5.236 on."""
+    graph = stopping({"when": watched, "above": 0.5}, engine=engine)
+    sampled = {"type": "Gain", "gain": 1.0, "dt": 0.1}
+    wires = {"sampled": {"input": "position.out"}}
+    result = graph.overlay({"blocks": {"sampled": sampled}, "wires": wires}).run()
+    at = 5.3 if watched == "sampled.out" else 5.0 * THIRD
+    assert result.manifest["stopped_at"] == pytest.approx(at, abs=2e-5)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_crossing_has_a_direction(engine: str) -> None:
+    times = []
+    for direction in ("rising", "falling", "either"):
+        stop = {"when": "position.out", "crosses": 0.0, "direction": direction}
+        times.append(stopping(stop, engine=engine).run().manifest["stopped_at"])
+    assert times == pytest.approx([1.5 * math.pi, 0.5 * math.pi, 0.5 * math.pi], abs=2e-5)
 
 
 def test_a_run_that_never_reaches_the_level_is_complete() -> None:

@@ -13,6 +13,11 @@ from pathlib import Path
 import pytest
 
 from blocks.core import pip_line
+from runtime.experiments.design import Seeds
+from runtime.experiments.execution import Configuration, Task, run_trials
+from runtime.experiments.execution.trials import GraphBundle, trials_of
+from runtime.experiments.execution.worker_pool import cluster_pool
+from runtime.graph import load
 from tests.conftest import Run
 from tests.runtime.experiments.test_survival import LATER, POINTS, SWEEP, lines
 from tests.runtime.experiments.test_sweep import rows
@@ -127,6 +132,48 @@ def test_a_tuning_on_a_cluster_tries_the_same_configurations(
             for folder in ("local", "dask")
         )
         assert local == dask
+
+
+def resident(dask_worker: object = None) -> int:
+    """The memory of this process (bytes)."""
+    import psutil
+
+    return int(psutil.Process().memory_info().rss)
+
+
+TRIALS = 100_000
+NOISE = {
+    "run": {"dt": 0.01, "until": 0.05},
+    "blocks": {"noise": {"type": "WhiteNoise", "density": 1.0}},
+    "probes": {"y": "noise.out"},
+    "metrics": {"m": {"kind": "mean", "of": "y"}},
+}
+
+
+@needs_dask
+@pytest.mark.slow
+def test_a_hundred_thousand_short_trials_need_no_more_memory_than_the_first() -> None:
+    """Calls of one trial each would keep 1.2 kB of it: Dask's own bounded logs of calls."""
+    from distributed import Client, LocalCluster
+
+    bundle = GraphBundle.of(load(NOISE))
+    trials = trials_of([Configuration(0, (), bundle)], Seeds(((0, TRIALS - 1),)))
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        pool = cluster_pool(local.scheduler_address)
+        done, means, used = 0, set(), []
+        with Client(local.scheduler_address, set_as_default=False) as client:
+            for _, result in run_trials(trials, pool, Task):
+                assert result.status == "ok", result.reason
+                means.add(result.metrics["m"])
+                done += 1
+                if done in (TRIALS // 4, TRIALS):
+                    used.append([resident(), *client.run(resident).values()])
+        pool.leave(True)
+    assert (done, len(means)) == (TRIALS, TRIALS)
+    here, *workers = (last - first for first, last in zip(*used, strict=True))
+    assert max(workers) / TRIALS < 200
+    # This process has the scheduler, too, and the means above.
+    assert here / TRIALS < 600
 
 
 @needs_dask

@@ -385,31 +385,36 @@ def trial(number: int) -> Trial:
 
 
 class Fake(Executor):
-    """Answers calls on request; counts how many wait."""
+    """Answers calls on request; counts how many wait. ``calls`` are the trials of each call."""
 
     def __init__(self, answer: Callable[[Task, int], Any]) -> None:
         self.answer = answer
         self.most = 0
         self.open: list[Future[Any]] = []
         self.tries: dict[int, int] = {}
+        self.calls: list[list[int]] = []
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        task: Task = args[0]
-        number = task.trial.number
-        self.tries[number] = self.tries.get(number, 0) + 1
+        tasks: list[Task] = args[0]
+        numbers = [task.trial.number for task in tasks]
+        self.calls.append(numbers)
+        for number in numbers:
+            self.tries[number] = self.tries.get(number, 0) + 1
         future: Future[Any] = Future()
         self.open = [other for other in self.open if not other.done()] + [future]
         self.most = max(self.most, len(self.open))
-        answer = self.answer(task, self.tries[number])
-        if isinstance(answer, BaseException):
-            future.set_exception(answer)
+        answers = [self.answer(task, self.tries[task.trial.number]) for task in tasks]
+        error = next((each for each in answers if isinstance(each, BaseException)), None)
+        if error is not None:
+            future.set_exception(error)
         else:
-            future.set_result(answer)
+            future.set_result(answers)
         return future
 
 
-def pool_of(executor: Executor, width: int = 3) -> WorkerPool:
-    return WorkerPool(executor, lambda: width, lambda finished: None, (BrokenExecutor,))
+def pool_of(executor: Executor, width: int = 3, most: int = 1) -> WorkerPool:
+    died = (BrokenExecutor,)
+    return WorkerPool(executor, lambda: width, lambda finished: None, died, most=most)
 
 
 def test_trials_are_taken_as_workers_become_free() -> None:
@@ -442,6 +447,37 @@ def test_a_trial_is_run_three_times_at_most() -> None:
     }
     assert fake.tries == {0: 1, 1: 3, 2: 3, 3: 1}
     assert ended[2].reason == "its worker died 3 times, the last time: gone"
+
+
+@pytest.mark.parametrize(("seconds", "size"), [(0.001, 50), (0.02, 25), (0.05, 10), (2.0, 1)])
+def test_short_trials_are_sent_many_in_a_call(seconds: float, size: int) -> None:
+    fake = Fake(lambda task, tries: TrialResult("ok", wall_s=seconds))
+    count = 2000
+    ended = run_trials(map(trial, range(count)), pool_of(fake, most=50), Task)
+    assert sorted(each.number for each, _ in ended) == list(range(count))
+    assert [n for call in fake.calls for n in call] == list(range(count))
+    assert len(fake.calls[0]) == 1  # how long a trial takes is not known yet
+    assert [len(call) for call in fake.calls[-5:-1]] == pytest.approx([size] * 4, abs=1)
+
+
+@pytest.mark.parametrize("error", [BrokenExecutor("gone"), MemoryError("too large to send")])
+def test_a_trial_that_ends_its_call_ends_no_other(error: Exception) -> None:
+    def answer(task: Task, tries: int) -> Any:
+        return error if task.trial.number == 300 else TrialResult("ok", wall_s=0.01)
+
+    fake = Fake(answer)
+    trials = run_trials(map(trial, range(400)), pool_of(fake, most=50), Task)
+    ended = {each.number: done for each, done in trials}
+    died = isinstance(error, BrokenExecutor)
+    assert ended.pop(300).status == ("lost" if died else "failed")
+    assert {done.status for done in ended.values()} == {"ok"}
+    assert len(ended) == 399
+    shared = next(call for call in fake.calls if 300 in call)
+    assert len(shared) > 10
+    assert {n: k for n, k in fake.tries.items() if k > 1} == {
+        **dict.fromkeys(shared, 2),
+        300: 3 if died else 2,
+    }
 
 
 def test_workers_that_cannot_run_trials_end_the_sweep() -> None:

@@ -1,0 +1,140 @@
+"""Where the signals of a compiled plan are, and the test of their numbers.
+
+In go signals and tests as a printer meets them; out come the C expressions of signals, members of
+the plan's struct or variables, and one test for the outputs of several calls. If all of a plan is
+one function, the number of ``gain.out`` is a variable, which stays in a register::
+
+    block_0__output(ctx, &plan->fields_gain, t, out_clock_time, &out_gain_out);
+    block_1__output(ctx, &plan->fields_sum, t, out_gain_out, &out_sum_out);
+    if (!isfinite(out_gain_out + out_sum_out)) {
+        if (!(isfinite(out_gain_out))) { ctx->at = 0; ended = 1; goto end; }
+        if (!(isfinite(out_sum_out))) { ctx->at = 1; ended = 1; goto end; }
+    }
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from runtime.compiler import Kernel
+from runtime.engine.compiled.struct import Struct
+from runtime.engine.naming import Names
+from runtime.plan import Call, CText, Gate, Operation, Plan, Signal, Test, numbers_in
+
+# What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
+# of change is not finite, or its tolerance is not met), the run's condition to stop holds, or an
+# algebraic loop has no solution.
+FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
+FEW = 8  # numbers of an array that are tested like those of records
+MANY = 12  # numbers that are tested at once: they wait in registers
+
+
+class SignalText(CText):
+    """Writes signals and tests.
+
+    Parameters
+    ----------
+    has_locals : whether all of the plan is one function; others, as Python between its parts or
+        those of a solver, find signals in the struct.
+    """
+
+    def __init__(
+        self, plan: Plan, names: Names, kernels: Mapping[str, Kernel], has_locals: bool
+    ) -> None:
+        super().__init__("k", depth=2)
+        self.plan, self.kernels, self.has_locals = plan, kernels, has_locals
+        self.struct = Struct(names)
+        self.calls: list[Call] = []
+        self.locals: dict[str, Signal] = {}
+        self.waiting: list[tuple[int, Test]] = []
+
+    def signal(self, signal: Signal) -> str:
+        member = self.struct.signal(signal)
+        if not self.has_locals or signal.kind.form == "array":
+            return member
+        name = member.removeprefix("plan->")
+        self.locals[name] = signal
+        return name
+
+    def moved(self) -> tuple[list[str], list[str], list[str]]:
+        """Declarations of signals as variables: of a call, of a tick, and back into the struct.
+
+        A variable stays in a register from the block that writes it to those that read it. Those
+        that outlive a tick, and those that are compared with Python's, are kept in the struct.
+        """
+        calls = self.plan.evaluations
+        lasting = {signal.key for signal in self.plan.held}
+        lasting |= {s.key for call in calls if call.gate.once for s in call.outputs}
+        all_last = any(call.is_own for call in calls)
+        first, tick, last = [], [], []
+        for name, signal in self.locals.items():
+            _, size = self.struct.members[name]
+            declared = f"double {name}" + f"[{size}]" * (signal.kind.form != "scalar")
+            if not (all_last or signal.key in lasting):
+                tick.append(f"        {declared};")
+                continue
+            at = "&" * (signal.kind.form == "scalar")
+            first.append(f"    {declared};")
+            first.append(f"    copy_numbers({at}{name}, {at}plan->{name}, {size});")
+            last.append(f"    copy_numbers({at}plan->{name}, {at}{name}, {size});")
+        return first, tick, last
+
+    def operations(self, operations: Iterable[Operation]) -> None:
+        super().operations(operations)
+        self.tested()
+
+    def call(self, call: Call) -> None:
+        # Updates change states, and a loop that waits for a number might wait for NaN for ever.
+        if not call.outputs or self.kernels[call.block].has_while:
+            self.tested()
+        super().call(call)
+
+    def within(self, gate: Gate) -> None:
+        if gate != self.gate:
+            self.tested()
+        super().within(gate)
+
+    def test(self, test: Test) -> None:
+        self.waiting.append((len(self.calls) - 1, test))
+        if sum(numbers_in(each.kind) for _, test in self.waiting for each in test.outputs) >= MANY:
+            self.tested()
+
+    def tested(self) -> None:
+        """Test what the calls since the last test returned.
+
+        All at once, by the sum of the numbers: one by one only where it is not finite, since the
+        sum of large numbers may be infinite, too, and to tell which call it was. In ticks that
+        fail, later calls get such numbers; these ticks run again under Python.
+        """
+        waiting, self.waiting = self.waiting, []
+        numbers: list[str] = []
+        exact: list[str] = []
+        for at, test in waiting:
+            own: list[str] = []
+            wrong = f"{{ ctx->at = {at}; {self.ended(NOT_FINITE)} }}"
+            for signal in test.outputs:
+                kind, name, count = signal.kind, self.signal(signal), numbers_in(signal.kind)
+                if kind.form == "array" and (count > FEW or not kind.finite):
+                    function = "all_finite" if kind.finite else "no_nan"
+                    self.put(f"if (!{function}({name}, {count})) {wrong}")
+                    continue
+                own += [name] if kind.form == "scalar" else [f"{name}[{i}]" for i in range(count)]
+            if own:
+                exact.append(f"if (!({' && '.join(f'isfinite({n})' for n in own)})) {wrong}")
+                numbers += own
+        if numbers:
+            with self.block(f"if (!isfinite({_sum(numbers)}))"):
+                self.put(*exact)
+
+    def ended(self, code: int) -> str:
+        """The statements that end the call."""
+        return f"ended = {code}; goto end;" if self.has_locals else f"return {code};"
+
+
+def _sum(numbers: Sequence[str]) -> str:
+    """The sum in pairs, which a processor adds side by side."""
+    if len(numbers) == 1:
+        return numbers[0]
+    half = (len(numbers) + 1) // 2
+    first, second = _sum(numbers[:half]), _sum(numbers[half:])
+    return f"{first} + ({second})" if len(numbers) > 2 else f"{first} + {second}"
