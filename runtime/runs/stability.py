@@ -75,8 +75,11 @@ def margins(loop: Linearization) -> Margins:
     modulus = float(np.abs(1.0 + values[nearest]))
     closed = loop.a - np.outer(loop.b[:, 0], loop.c[0]) / (1.0 + loop.d[0, 0])
     is_stable = is_inside(np.linalg.eigvals(closed), bool(loop.period))
-    numbers = (gain, gain_at, phase, phase_at, delay, modulus, w[nearest])
-    return Margins(*map(float, numbers), is_stable)
+    delay, modulus_at = float(delay), float(w[nearest])
+    return Margins(
+        *(float(gain), float(gain_at), float(phase), float(phase_at)),
+        *(delay, modulus, modulus_at, is_stable),
+    )
 
 
 def _frequencies(loop: Linearization) -> FloatArray:
