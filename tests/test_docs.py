@@ -21,6 +21,7 @@ import blocks
 import runtime
 from blocks.registry import blocks_of_module
 from runtime.cli.describe import blocks_page, gallery_page, observing_page
+from runtime.cli.expressions_page import expressions_page
 from runtime.document import parse_yaml
 from tests.conftest import Run
 from tests.test_rooms import FLOORS
@@ -37,6 +38,8 @@ def test_the_blocks_page_is_current() -> None:
     assert page == blocks_page(), "run: python -m runtime.cli.describe"
     page = (ROOT / "docs" / "observing.md").read_text(encoding="utf-8")
     assert page == observing_page(), "run: python -m runtime.cli.describe"
+    page = (ROOT / "docs" / "expressions.md").read_text(encoding="utf-8")
+    assert page == expressions_page(), "run: python -m runtime.cli.describe"
     page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     assert page == gallery_page(), "run: python -m runtime.cli.describe"
 

@@ -1,4 +1,4 @@
-"""Paths, the tracking error about them, and the controllers that reduce it."""
+"""Paths, the tracking error about them, and controllers; regulators and observers by design."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
     from blocks.control.lqr import LQR
     from blocks.control.mpc import MPC
+    from blocks.control.observer import DiscreteSteadyStateKalman, SteadyStateKalman
     from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
+    from blocks.control.regulator import LinearQuadraticRegulator
     from blocks.control.trackers import PathPID, PurePursuit, Stanley
     from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
 else:
@@ -22,14 +24,17 @@ __all__ = [
     "MPC",
     "CirclePath",
     "CourseError",
+    "DiscreteSteadyStateKalman",
     "DisturbanceObserver",
     "L1Adaptive",
     "LinePath",
+    "LinearQuadraticRegulator",
     "MatchingPoint",
     "PathPID",
     "PurePursuit",
     "SinePath",
     "Stanley",
+    "SteadyStateKalman",
     "TrackingError",
     "WaypointPath",
     "curvature",

@@ -4,6 +4,7 @@ from blocks.core import polynomials, portable
 from blocks.core.block import Block, Evaluation, Input, Output, State
 from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec
+from blocks.core.differences import Unsettled, jacobian
 from blocks.core.elementwise import (
     Elementwise,
     check_ascending,
@@ -80,6 +81,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.state_shapes import started, state_lengths, state_shape
 from blocks.core.variants import Variant
 
 __all__ = [
@@ -128,6 +130,7 @@ __all__ = [
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Unsettled",
     "Variant",
     "Vector",
     "WheelSpeeds",
@@ -150,6 +153,7 @@ __all__ = [
     "has_kernels",
     "hint",
     "items",
+    "jacobian",
     "kernel_for",
     "kernel_of",
     "kron",
@@ -176,6 +180,9 @@ __all__ = [
     "small_product",
     "solve",
     "spread_to",
+    "started",
+    "state_lengths",
+    "state_shape",
     "times",
     "transposed",
     "value_type",

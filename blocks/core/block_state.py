@@ -9,7 +9,7 @@ The engine makes one :class:`BlockState` for each block, with the arrays that it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,8 @@ class BlockContext:
     moving : those inputs that the block recalls and that may change between two ticks.
     located : whether the block's events are located between ticks (``run.events``).
     wired : its inputs that something is wired to.
+    sampled : whether the graph gives the block a step of its own.
+    neighbour : another block of the same part by name, with its context; None if there is none.
     """
 
     dt: float
@@ -48,6 +50,10 @@ class BlockContext:
     moving: tuple[str, ...] = ()
     located: bool = False
     wired: frozenset[str] = frozenset()
+    sampled: bool = False
+    neighbour: Callable[[str], tuple[Any, BlockContext] | None] = field(
+        default=lambda name: None, compare=False, repr=False
+    )
 
     def count(self, port: str) -> int:
         """The number of terms of a variadic input whose terms are told apart by their places.

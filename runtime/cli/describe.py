@@ -11,6 +11,7 @@ from pathlib import Path
 from blocks.core import Block
 from blocks.lazy import exports
 from blocks.registry import BUILTIN
+from runtime.cli.expressions_page import expressions_page
 from runtime.cli.public_api import listing
 from runtime.cli.shipped import shipped
 from runtime.descriptions import describe_markdown, option_text
@@ -196,4 +197,5 @@ if __name__ == "__main__":
     (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
     (docs / "observing.md").write_text(observing_page(), encoding="utf-8")
     (docs / "api.txt").write_text(listing(), encoding="utf-8")
+    (docs / "expressions.md").write_text(expressions_page(), encoding="utf-8")
     (docs / "gallery.md").write_text(gallery_page(), encoding="utf-8")

@@ -147,4 +147,6 @@ def overlay_text(title: str, found: Trim) -> str:
     from runtime.document import dump_yaml
 
     safe = "".join(c for c in title if c.isprintable())
-    return f"# An equilibrium of {safe}. Lay it on with --with\n{dump_yaml(found.overlay)}"
+    return (
+        f"# An equilibrium of {safe}. Lay it on with --with\n{dump_yaml(found.overlay).rstrip()}\n"
+    )

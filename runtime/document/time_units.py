@@ -18,6 +18,7 @@ TIME_UNITS: Mapping[str, str] = {
     "ms": "kHz",
     "min": "1/min",
     "h": "1/h",
+    "d": "1/d",
 }
 # An s that stands for a unit by itself: in m/s and 1/s^2, not in spikes or rad_s.
 _SECONDS = re.compile(r"(?<![^\W\d])s(?![^\W])")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from blocks.core import Same
+from blocks.core import Same, state_shape
 from runtime.engine.solvers import method_of
-from runtime.network import Network, state_shape
+from runtime.network import Network
 from runtime.plan import continuous_row
 from runtime.toolchain import available, find_compiler, install_command
 
@@ -59,7 +59,7 @@ def python_seconds(network: Network) -> float:
             context = network.context(name)
             for declared in spec.states.values():
                 length = 1
-                for side in state_shape(entry.block, declared, context, spec):
+                for side in state_shape(entry.block, declared, context):
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every

@@ -10,11 +10,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from blocks.core import FloatArray, SignalType
+from blocks.core import FloatArray, SignalType, state_shape
 from runtime.engine.events import MAX_EVENTS, decided, noted, opened, proposed
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
-from runtime.network import Network, state_shape
+from runtime.network import Network
 from runtime.plan import Integrate
 
 
@@ -123,7 +123,7 @@ class OutputChecks:
         if block not in self._shapes:  # an implicit solver asks thousands of times on one tick
             states = (spec.states[name] for name in names)
             context = self.network.context(block)
-            self._shapes[block] = [state_shape(entry.block, s, context, spec) for s in states]
+            self._shapes[block] = [state_shape(entry.block, s, context) for s in states]
         given = (value,) if len(names) == 1 else value
         for name, rate, shape in zip(names, given, self._shapes[block], strict=True):
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":
@@ -165,9 +165,7 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
     )
 
 
-def event_names(
-    part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]], log: FloatArray
-) -> dict[str, Any]:
+def event_names(part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
     """What the text of a graph refers to whose steps end at events or edges."""
     if not part.ends_steps:
         return {}
@@ -177,7 +175,7 @@ def event_names(
         "directions": np.where(part.directions > 1.0, 0.0, part.directions),
         "fired": fired,
         "edges": part.edges,
-        "log": log,
+        "log": np.empty((max(1, part.log), 2)),  # its memory is used where something is written
         **{each.__name__: each for each in (opened, proposed, decided, noted)},
         "restless": partial(restless, part, fired),
     }

@@ -32,7 +32,7 @@ from runtime.network.removal import follow, missing_block
 from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
 from runtime.network.scope import Scope
-from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
+from runtime.network.shapes import MAX_BYTES, whole_shape
 
 __all__ = [
     "BLOCK_KEYS",
@@ -67,7 +67,6 @@ __all__ = [
     "replace_block",
     "resets",
     "source_file",
-    "state_shape",
     "unknown_component",
     "whole_shape",
 ]

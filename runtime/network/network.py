@@ -275,7 +275,17 @@ class Network:
             moving=self._moving_inputs(entry),
             located=self.is_located(name),
             wired=frozenset(wire.port for wire in self._into.get(name, ())),
+            sampled=entry.sampled,
+            neighbour=lambda other: self._neighbour(entry, other),
         )
+
+    def _neighbour(self, entry: NetworkEntry, name: str) -> tuple[Block, BlockContext] | None:
+        """A block of the same part, or of the whole graph."""
+        for each in (entry.scope.prefix + name, name):
+            other = self.entries.get(each)
+            if other is not None and other.block_or_none is not None and self.is_typed(each):
+                return other.block, self.context(each)
+        return None
 
     def holds(self, name: str) -> bool:
         """Whether the outputs of a block change at ticks and at its located events alone."""

@@ -6,9 +6,7 @@ where n is the length of the spikes that are wired to it.
 
 from __future__ import annotations
 
-from typing import Any
-
-from blocks.core import Block, BlockContext, SignalType, State
+from blocks.core import state_lengths, state_shape
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network
 
@@ -32,23 +30,7 @@ def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
     if not network.is_typed(end.block):
         return None
     state, context = spec.states[end.port], network.context(end.block)
-    lengths = _lengths(entry.block, context, spec)
+    lengths = state_lengths(entry.block, context)
     if any(isinstance(n, str) and n not in lengths for n in state.shape):
         return None
-    return state_shape(entry.block, state, context, spec)
-
-
-def state_shape(block: Block, state: State, context: BlockContext, spec: Any) -> tuple[int, ...]:
-    """The shape of a declared state, with symbolic lengths resolved."""
-    lengths = _lengths(block, context, spec)
-    like = context.types[state.like].shape if state.like else ()
-    return (*(n if isinstance(n, int) else lengths[n] for n in state.shape), *like)
-
-
-def _lengths(block: Block, context: BlockContext, spec: Any) -> dict[str, int]:
-    """The symbolic lengths of a block that are known."""
-    lengths = {**context.lengths, **block.sizes_in(context)}
-    for name, port in {**spec.inputs, **spec.outputs}.items():
-        if isinstance(port.type, SignalType) and port.type.symbol and name in context.types:
-            lengths[port.type.symbol] = context.types[name].shape[0]
-    return lengths
+    return state_shape(entry.block, state, context)

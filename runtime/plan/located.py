@@ -20,6 +20,8 @@ from runtime.plan.values import Port, Signal
 LEVEL = 3.0
 DIRECTIONS = {"rising": 1.0, "falling": -1.0, "either": 0.0, "level": LEVEL}
 MOST_EDGES = 10_000_000
+# Events that a run records at most.
+MOST_EVENTS = 1 << 20
 # A time within this share of a tick is the tick's.
 ON_TICK = 1e-9
 Wires = Mapping[Port, Sequence[Wire]]

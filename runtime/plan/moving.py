@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
 
-from runtime.network import Network, state_shape
+from blocks.core import state_shape
+from runtime.network import Network
 from runtime.plan.operations import Call, Operation, Solve, Stop
 from runtime.plan.values import Port, Row, Signal, Slot, StateArray
 
@@ -24,7 +25,7 @@ def declared_states(network: Network, name: str) -> tuple[StateArray, ...]:
         return ()
     context = network.context(name)
     return tuple(
-        StateArray(name, state, state_shape(entry.block, declared, context, spec))
+        StateArray(name, state, state_shape(entry.block, declared, context))
         for state, declared in spec.states.items()
     )
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray, hint
+from blocks.core import FloatArray, hint, state_shape
 from runtime.engine import Engine, Offsets, Point, Program, Watched, labels
 from runtime.errors import UsageError
-from runtime.network import AddressError, Endpoint, Network, check_output, find, state_shape
+from runtime.network import AddressError, Endpoint, Network, check_output, find
 from runtime.observation import Observation
 from runtime.plan import Port
 from runtime.runs.sampling import structure_of
@@ -170,5 +170,5 @@ def _rows(network: Network, text: str, watch: Watched) -> list[str]:
         return labels(text, network.types[end.block, end.port])
     entry = network.entries[end.block]
     spec = entry.cls.spec
-    shape = state_shape(entry.block, spec.states[end.port], network.context(end.block), spec)
+    shape = state_shape(entry.block, spec.states[end.port], network.context(end.block))
     return [f"{text}.{i}" for i in range(math.prod(shape))] if shape else [text]

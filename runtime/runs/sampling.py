@@ -17,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, jacobian
 from runtime.engine import Point
 from runtime.errors import UsageError
 from runtime.network import Network, enables_of
 from runtime.plan import Port
-from runtime.runs.differences import jacobian
 
+Step = tuple[int, int]  # of a block, and its offset, in base ticks
 MOST_TICKS = 20_000  # of sampled blocks in one period
 MOST_NUMBERS = 2_000  # states and held signals
 
@@ -33,13 +33,14 @@ class Structure:
     """Which blocks a linearization takes part of, found from the wires.
 
     sampled : the sampled blocks between the states and inputs, and the states and outputs.
-    held : other blocks that act on these and vary with time: they are held constant.
-    period : base ticks after which all sampled blocks act together; 0 if there are none.
+    held : other blocks that act on these and vary with time, or switch: they are held constant.
+    steps : the steps of the sampled blocks, with their offsets, in base ticks.
+    period : base ticks after which they act as before; 0 if there are none.
     """
 
     sampled: tuple[str, ...]
     held: tuple[str, ...]
-    steps: frozenset[int]
+    steps: frozenset[Step]
     period: int
 
 
@@ -67,20 +68,15 @@ def structure_of(network: Network, driven: Collection[Port], watched: Collection
     switching = [(name, each) for name, above in enables_of(network).items() for each in above]
     back = [*((reader, source[0]) for source, reader in wires), *switching]
     before = _closure(wanted, back)
-    switches = {switch for _, switch in switching}
+    switches = {switch for _, switch in switching} | {n for n in reached if network.holds(n)}
     holding = {n for n, e in entries.items() if not (n in continuous or e.is_memoryless)}
     sampled = (reached & before & holding) - switches
     drives = {block for block, _ in driven}
     held = {n for n in before - reached - drives if _varies(network, n)} | (switches & before)
-    steps = frozenset(entries[name].every for name in sampled)
-    late = [name for name in sorted(sampled) if entries[name].offset]
-    if late:
-        raise UsageError(
-            f"{', '.join(late)}: a linearization takes sampled blocks to tick at 0; set offset to 0"
-        )
-    period = math.lcm(*steps) if steps else 0
+    steps = frozenset((entries[name].every, entries[name].offset) for name in sampled)
+    period = math.lcm(*(every for every, _ in steps)) if steps else 0
     if period and _count(steps, period) > MOST_TICKS:
-        text = ", ".join(f"{network.dt * each:g}" for each in sorted(steps))
+        text = ", ".join(f"{network.dt * every:g}" for every, _ in sorted(steps))
         raise UsageError(
             f"the sampled blocks act together every {network.dt * period:g} {network.time_unit} "
             f"only ({text} {network.time_unit}), with more than {MOST_TICKS} ticks in between; "
@@ -115,13 +111,18 @@ def _closure(begin: Iterable[str], edges: Iterable[tuple[str, str]]) -> set[str]
     return found
 
 
-def _count(steps: Collection[int], period: int) -> int:
+def _count(steps: Collection[Step], period: int) -> int:
     """The ticks of a period on which something acts, at most."""
-    return sum(period // each for each in steps)
+    return sum(period // every for every, _ in steps)
 
 
-def _ticks(steps: Collection[int], period: int) -> list[int]:
-    return sorted({k for each in steps for k in range(0, period, each)})
+def _ticks(steps: Collection[Step], period: int) -> list[int]:
+    """The first tick of a period, at which outputs are read, and all on which something acts."""
+    return sorted({0, *(k for every, offset in steps for k in range(offset, period, every))})
+
+
+def _acting(steps: Collection[Step], k: int) -> frozenset[Step]:
+    return frozenset((every, offset) for every, offset in steps if (k - offset) % every == 0)
 
 
 @dataclass(frozen=True)
@@ -182,23 +183,24 @@ class Linear:
         loose = tuple(self.loose.values())
         return Matrices(by_x[:n], by_u[:n], by_x[n:], by_u[n:], rates, y, loose)
 
-    def sampled(self, steps: Collection[int], period: int) -> Matrices:
+    def sampled(self, steps: Collection[Step], period: int) -> Matrices:
         """The map over one period of all columns, by the ticks of sampled blocks."""
         size, m = len(self.columns), len(self.u)
         a, b = np.eye(size), np.zeros((size, m + 1))
-        at_tick: dict[frozenset[int], tuple[FloatArray, FloatArray, FloatArray]] = {}
+        at_tick: dict[frozenset[Step], tuple[FloatArray, FloatArray, FloatArray]] = {}
         between: dict[int, tuple[FloatArray, FloatArray]] = {}
         ticks = _ticks(steps, period)
         for k, following in zip(ticks, [*ticks[1:], period], strict=True):
-            acting = frozenset(each for each in steps if k % each == 0)
+            acting = _acting(steps, k)
             if acting not in at_tick:
-                at_tick[acting] = self._tick(k)
+                # Not tick 0, at which blocks that act later show their output of the start.
+                at_tick[acting] = self._tick(k + period)
             if following - k not in between:
                 between[following - k] = self._between(following - k)
             by_columns, by_u, _ = at_tick[acting]
             for map_a, map_b in ((by_columns[:size], by_u[:size]), between[following - k]):
                 a, b = map_a @ a, map_a @ b + map_b
-        by_columns, by_u, y = at_tick[frozenset(steps)]
+        by_columns, by_u, y = at_tick[_acting(steps, 0)]
         c, d = by_columns[size:], by_u[size:, :m]
         return Matrices(a, b[:, :m], c, d, b[:, m], y, tuple(self.loose.values()))
 

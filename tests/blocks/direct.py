@@ -22,6 +22,15 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Decoder": {"weights": [[1.0, -2.0, 0.5, 0.0]]},
     "StateSpace": {"A": [[0, 1], [-1, -1]], "B": [0, 1], "C": [1, 0]},
     "KalmanFilter": {"A": [[1, 0.1], [0, 1]], "C": [1, 0], "Q": [[1, 0], [0, 1]], "R": 1.0},
+    "LinearQuadraticRegulator": {"A": [[0, 1], [-1, 0]], "B": [0, 1], "Q": [1, 1], "R": 1.0},
+    "SteadyStateKalman": {
+        **{"A": [[0, 1], [-1, 0]], "B": [[1, 0], [0, 1]], "C": [[1, 0], [1, 1]]},
+        **{"Q": [1, 1], "R": [1, 1]},
+    },
+    "DiscreteSteadyStateKalman": {
+        **{"A": [[1, 0.1], [-0.1, 1]], "B": [[1, 0], [0, 1]], "C": [[1, 0], [1, 1]]},
+        **{"Q": [1, 1], "R": [1, 1]},
+    },
     "ExtendedKalmanFilter": {
         "transition": ["x[0] + 0.1*sin(x[1])", "0.9*x[1] + u[0]"],
         "observation": "x[0]**2 + x[1]",

@@ -154,6 +154,47 @@ def test_it_agrees_with_scipy(name: str) -> None:
     assert (np.abs(found - expected).max(axis=0) / scale).max() < model.within
 
 
+def test_ten_bodies_attract_each_other() -> None:
+    graph = runtime.load(FOLDER / "solar.yaml").set("run.until", 60)
+    masses = np.array(graph.network.entries["bodies"].block.value("constants").values["m"])
+    result = graph.run(engine="python")
+    times, out = result.time("out"), result["out"]
+
+    def rates(t: float, x: Any) -> Any:
+        at = x[:30].reshape(10, 3)
+        apart = at[None] - at[:, None]
+        cubes = (np.linalg.norm(apart, axis=2) + np.eye(10)) ** 3
+        pull = np.einsum("j,ijk->ik", 4 * np.pi**2 / 365**2 * masses, apart / cubes[..., None])
+        return np.concatenate((x[30:], pull.ravel()))
+
+    span, tolerances = (0, times[-1]), {"rtol": 1e-11, "atol": 1e-13}
+    solved = integrate.solve_ivp(rates, span, out[0], "DOP853", t_eval=times, **tolerances)
+    np.testing.assert_allclose(out, solved.y.T, atol=1e-6)
+    momentum = masses @ out[:, 30:].reshape(-1, 10, 3)
+    np.testing.assert_allclose(momentum, np.broadcast_to(momentum[0], momentum.shape), atol=1e-17)
+
+
+def test_a_double_pendulum_is_lagranges() -> None:
+    graph = runtime.load("gallery/double_pendulum").set("run.until", 3.0)
+    result = graph.run(engine="python")
+    m1, m2, l1, l2, g = 1.0, 0.5, 1.0, 0.7, 9.81
+
+    def rates(t: float, x: Any) -> Any:
+        a, b, v, w = x
+        c, s = math.cos(a - b), math.sin(a - b)
+        mass = [[(m1 + m2) * l1**2, m2 * l1 * l2 * c], [m2 * l1 * l2 * c, m2 * l2**2]]
+        upper = -m2 * l1 * l2 * s * w**2 - (m1 + m2) * g * l1 * math.sin(a)
+        lower = m2 * l1 * l2 * s * v**2 - m2 * g * l2 * math.sin(b)
+        return [v, w, *np.linalg.solve(mass, [upper, lower])]
+
+    times, found = result.time("angles"), result["angles"]
+    solved = integrate.solve_ivp(
+        rates, (0, times[-1]), [2, 1, 0, 0], t_eval=times, rtol=1e-11, atol=1e-12
+    )
+    np.testing.assert_allclose(found, solved.y[:2].T, atol=1e-5)
+    np.testing.assert_allclose(result["energy"], result["energy"][0], rtol=1e-5)
+
+
 CLOSED = {
     "antenna": (([10, 1], [10, 11, 11, 1]), 1.0, 1),
     "pi_controller": (([5, 1.5], [2, 6, 1.5]), 1.0, 1),

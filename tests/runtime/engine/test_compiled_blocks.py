@@ -409,6 +409,18 @@ CASES: dict[str, list[Case]] = {
             )
         ),
     ],
+    "LinearQuadraticRegulator": [
+        Case(
+            blocks.LinearQuadraticRegulator(
+                A=[[0, 1], [2, 0]], B=[[1, 0], [0, 1]], Q=[1, 1], R=[1, 2], x0=[1, 2], u0=[3, 4]
+            )
+        ),
+        Case(blocks.LinearQuadraticRegulator(**REQUIRED["LinearQuadraticRegulator"])),
+    ],
+    "SteadyStateKalman": [Case(blocks.SteadyStateKalman(**REQUIRED["SteadyStateKalman"]))],
+    "DiscreteSteadyStateKalman": [
+        Case(blocks.DiscreteSteadyStateKalman(**REQUIRED["DiscreteSteadyStateKalman"]))
+    ],
     "ExtendedKalmanFilter": [
         Case(blocks.ExtendedKalmanFilter(**REQUIRED["ExtendedKalmanFilter"])),
         Case(

@@ -120,6 +120,19 @@ def test_two_rates() -> None:
     np.testing.assert_allclose(found.a, whole[:2, :2], rtol=1e-9, atol=1e-10)
 
 
+def test_a_block_that_acts_later_in_its_period() -> None:
+    """A gain at 10 ms, 4 ms after each multiple: what it held is a state at the multiples."""
+    graph = loop({"type": "Gain", "gain": 60.0, "dt": 0.01, "offset": 0.004}, dt=0.002)
+    found = graph.linearize(["r.value"], ["plant.out"])
+    assert found.period == 0.01
+    ad, bd = held(0.002)
+    tick, between = np.eye(3), np.eye(3)
+    tick[2] = [-60.0, -12.0, 0.0]
+    between[:2, :2], between[:2, 2:] = ad, bd
+    after = np.linalg.matrix_power(between, 3) @ tick @ np.linalg.matrix_power(between, 2)
+    np.testing.assert_allclose(found.a, after, rtol=1e-9, atol=1e-10)
+
+
 def test_rates_without_a_short_common_period_are_an_error() -> None:
     graph = loop(
         {"type": "Gain", "gain": 60.0, "dt": 0.010007},

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core.signals import FloatArray
 
 Function = Callable[[FloatArray], FloatArray]
 # Steps, relative to a number or to 1 if it is smaller. Each is ten times the one before: a smooth
