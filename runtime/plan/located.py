@@ -112,6 +112,7 @@ def edges_between(network: Network, names: Iterable[str]) -> dict[str, FloatArra
 
 def off_ticks(times: FloatArray, dt: float) -> FloatArray:
     """The times that are not at a tick."""
+    times = times[np.isfinite(times)]  # a Ramp without an end has its end at infinity
     ticks = times / dt
     rounding = np.maximum(ON_TICK, 4.0 * np.finfo(float).eps * np.abs(ticks))
     off: FloatArray = times[np.abs(ticks - np.round(ticks)) > rounding]
