@@ -91,6 +91,7 @@ RUN_DOCS = {
     "atol": "dopri5, rodas4: largest error of a step of a state near 0",
     "max_step": "dopri5, rodas4: the largest step, s",
     "loops": "algebraic loops: error, or solve, which solves them by Newton's method",
+    "events": "located: events and edges are at their times between ticks; ticks: at ticks alone",
     "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
 # What other tools call the keys of the section.

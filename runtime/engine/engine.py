@@ -73,6 +73,7 @@ class Outcome:
 
     ``stopped_at`` is the time (s) at which ``run.stop`` ended it. ``python_from`` is the tick from
     which a compiled run was under the Python engine; ``notes`` say why.
+    ``events`` are the times and guards of the located events, if a probe records some.
     ``ready_s`` is the part of ``wall_s`` before the second tick: initial states, compilation.
     """
 
@@ -85,6 +86,7 @@ class Outcome:
     error: SimulationError | None = None
     stopped_at: float | None = None
     python_from: int | None = None
+    events: FloatArray | None = None
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -205,6 +207,8 @@ class Engine:
             outcome.python_from, outcome.notes = self.exact.python_from, self.exact.notes
         outcome.wall_s = time.perf_counter() - began
         outcome.arrays = self.recorder.finish(self.state.tick)
+        count = self.state.arrays.get("run/count")
+        outcome.events = None if count is None else self.namespace["log"][: int(count[0])]
         return outcome
 
     def _first_tick(self) -> Held:
@@ -365,7 +369,7 @@ class Engine:
             move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
             **jacobian,
-            **event_names(part, self.state.arrays, self.recorder.log),
+            **event_names(part, self.state.arrays),
             "states": self.state.continuous,
             "start": np.zeros(size),
             "slopes": slopes,

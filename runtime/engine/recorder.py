@@ -112,7 +112,6 @@ class Recorder:
     ) -> None:
         self.probes, self.gathered = probes, gathered
         self.streams: dict[str, Stream] = {}
-        self.log = np.zeros((1, 2))
         self.full = False
         self.constants_saved = False
         self.folder: Path | None = None

@@ -165,9 +165,7 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
     )
 
 
-def event_names(
-    part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]], log: FloatArray
-) -> dict[str, Any]:
+def event_names(part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
     """What the text of a graph refers to whose steps end at events or edges."""
     if not part.ends_steps:
         return {}
@@ -177,7 +175,7 @@ def event_names(
         "directions": np.where(part.directions > 1.0, 0.0, part.directions),
         "fired": fired,
         "edges": part.edges,
-        "log": log,
+        "log": np.empty((max(1, part.log), 2)),  # its memory is used where something is written
         **{each.__name__: each for each in (opened, proposed, decided, noted)},
         "restless": partial(restless, part, fired),
     }

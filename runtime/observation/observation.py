@@ -30,8 +30,9 @@ class Observation:
     """What a run records, draws and measures, and what ends it early.
 
     ``notes`` lists what was left out, and why; ``defaults`` are the plots of a graph that says
-    nothing about plots. ``time_unit`` is what times are in. ``files`` has the content of the Python
-    files that were run for kinds of metrics and plots, by resolved path.
+    nothing about plots. ``events`` are the blocks whose events are recorded, by probe.
+    ``time_unit`` is what times are in. ``files`` has the content of the Python files that were run
+    for kinds of metrics and plots, by resolved path.
     """
 
     probes: dict[str, Probe] = field(default_factory=dict)
@@ -39,6 +40,7 @@ class Observation:
     metrics: list[Metric] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     stop: StopTest | None = None
+    events: dict[str, tuple[str, ...]] = field(default_factory=dict)
     defaults: list[PlotSpec] = field(default_factory=list)
     time_unit: str = SECOND
     files: dict[str, bytes] = field(default_factory=dict)
@@ -72,4 +74,4 @@ class Observation:
         used = {name for plot in plots for name in plot.uses}
         used |= {name for metric in self.metrics for name in metric.inputs.values() if name}
         probes = {name: probe for name, probe in self.probes.items() if name in used}
-        return replace(self, probes=probes, plots=plots, defaults=[])
+        return replace(self, probes=probes, plots=plots, defaults=[], events={})

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from blocks.core import SignalType, Vector, state_shape
+from blocks.core import SignalType, Vector, hint, state_shape
 from blocks.neural import Synapse, table_shape
 from runtime.document import TIME_UNITS, Node, in_time, strings
 from runtime.errors import Problems
@@ -33,6 +33,7 @@ PROBE_KEYS = {
     "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
     "label": "what figures call it: a string for each signal, or for each column",
     "unit": "of signals that have none: a string for each signal, or for each column",
+    "events": "blocks of which the times of events are recorded, in place of 'of'",
 }
 
 
@@ -167,6 +168,22 @@ class Probe:
     def size(self, ticks: int) -> int:
         """Bytes of the recording."""
         return self.row_bytes * self.rows(ticks)
+
+
+def event_blocks(network: Network, node: Node, address: str, problems: Problems) -> tuple[str, ...]:
+    """The blocks whose events a probe records; those that are removed are left out."""
+    found = []
+    for item, place in strings(node, address, "a block, as in relay", problems):
+        entry = network.entries.get(item.value)
+        if entry is None and item.value not in network.removed_entries:
+            text = f"there is no block '{item.value}'{hint(item.value, network.entries)}"
+            problems.add(item.where, place, text)
+        elif entry is not None and entry.cls.spec.guards is None:
+            text = f"a {entry.cls.__name__} has no events; expected a block such as Relay"
+            problems.add(item.where, place, text)
+        elif entry is not None:
+            found.append(item.value)
+    return tuple(found)
 
 
 def own_rate(signals: Sequence[Signal]) -> int:

@@ -59,6 +59,7 @@ from runtime.observation.probes import (
     PROBE_KEYS,
     Signal,
     describe_signals,
+    event_blocks,
     make_signal,
     make_tuning,
     no_component,
@@ -176,7 +177,11 @@ class _Reader:
         of: Node | None = node
         if node.is_map:
             check_keys(node, tuple(PROBE_KEYS), address, self.problems, "key")
-            of = node.get("of")
+            of, blocks = node.get("of"), node.get("events")
+            if blocks is not None:
+                found = event_blocks(self.network, blocks, f"{address}.events", self.problems)
+                self.observation.events[name] = found
+                return
         if of is None or of.value == []:
             where = node.key if of is None else of.where
             message = "expected an address, as in {of: plant.pose}"

@@ -22,7 +22,7 @@ from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
 from runtime.plan.coupling import ADAPTIVE, IMPLICIT, Coupling
-from runtime.plan.located import changing, directions, edges_between, meets, padded
+from runtime.plan.located import MOST_EVENTS, changing, directions, edges_between, meets, padded
 from runtime.plan.moving import Evaluated, again, continuous_row, declared_states, read_by
 from runtime.plan.operations import (
     Call,
@@ -275,6 +275,7 @@ class _Builder:
             watch=again(read_by(met), evaluations, self.network.moving),
             after=again(wanted, evaluations, self.changing),
             edges=padded(edges),
+            log=MOST_EVENTS if self.observation.events else 0,
         )
 
     def is_located(self, stop: Stop) -> bool:

@@ -20,6 +20,8 @@ from runtime.plan.values import Port, Signal
 LEVEL = 3.0
 DIRECTIONS = {"rising": 1.0, "falling": -1.0, "either": 0.0, "level": LEVEL}
 MOST_EDGES = 10_000_000
+# Events that a run records at most.
+MOST_EVENTS = 1 << 20
 # A time within this share of a tick is the tick's.
 ON_TICK = 1e-9
 Wires = Mapping[Port, Sequence[Wire]]
@@ -110,6 +112,7 @@ def edges_between(network: Network, names: Iterable[str]) -> dict[str, FloatArra
 
 def off_ticks(times: FloatArray, dt: float) -> FloatArray:
     """The times that are not at a tick."""
+    times = times[np.isfinite(times)]  # a Ramp without an end has its end at infinity
     ticks = times / dt
     rounding = np.maximum(ON_TICK, 4.0 * np.finfo(float).eps * np.abs(ticks))
     off: FloatArray = times[np.abs(ticks - np.round(ticks)) > rounding]

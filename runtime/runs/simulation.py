@@ -10,7 +10,7 @@ import hashlib
 import math
 import platform
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, partial
@@ -28,6 +28,7 @@ from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent
 from runtime.errors import raised_at
 from runtime.network import Network
 from runtime.observation import STOP_TIME, Metric, Probe, Recording, Series
+from runtime.plan import Plan, Stop
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -96,6 +97,10 @@ def simulate(
         for name, probe in observation.probes.items()
         for rows in (outcome.arrays[name],)
     }
+    probes |= {
+        name: _events(name, blocks, program.plan, outcome.events, network.time_unit)
+        for name, blocks in observation.events.items()
+    }
     metrics, failures, unclear = evaluate(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
@@ -158,6 +163,29 @@ def _recording(probe: Probe, values: FloatArray, times: FloatArray, time_unit: s
         auto=probe.auto,
         names=probe.names,
         held=probe.held,
+        time_unit=time_unit,
+    )
+
+
+def _events(
+    name: str, blocks: Sequence[str], plan: Plan, log: FloatArray | None, time_unit: str
+) -> Recording:
+    """The events of some blocks: of each its time, the block if there are several, and which."""
+    crossings = () if plan.integration is None else plan.integration.crossings
+    rows = np.empty((0, 2)) if log is None else log
+    found = [np.empty((0, 3))]
+    for crossing in crossings:
+        if crossing.block in blocks and not isinstance(crossing.guards, Stop):
+            own = rows[(rows[:, 1] >= crossing.start) & (rows[:, 1] < crossing.stop)]
+            number = np.full(len(own), blocks.index(crossing.block))
+            found.append(np.column_stack([own[:, 0], number, own[:, 1] - crossing.start]))
+    table = np.concatenate(found)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    labels = ("block", "which") if len(blocks) > 1 else ("which",)
+    values = table[:, 1:] if len(blocks) > 1 else table[:, 2]
+    units, addresses = ("",) * len(labels), {label: (i, i + 1) for i, label in enumerate(labels)}
+    return Recording(
+        *(name, table[:, 0], values, labels, units, ("Events",) * len(blocks), addresses),
         time_unit=time_unit,
     )
 

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import runtime
+from runtime.errors import SimulationError
 
 ENGINES = ("python", "compiled")
 GALLERY = Path(__file__).parents[3] / "graphs" / "gallery"
@@ -72,3 +74,205 @@ def test_integrate_and_reset_loses_nothing(engine: str, solver: str) -> None:
     }
     assert recorded(chain, wires, "hits.count", **run)[-1] == 314.0
     assert recorded(chain, wires, "x.out", **run)[-1] == pytest.approx(x, abs=1e-9)
+
+
+def by_scipy(
+    rates: Any, events: list[tuple[Any, float, Any]], x: list[float], times: np.ndarray
+) -> np.ndarray:
+    """The states at some times: an event is (condition's number, direction, the states after)."""
+    found, begin, at = [np.empty((0, len(x)))], 0.0, np.array(x)
+    conditions = []
+    for number, direction, _ in events:
+        condition = lambda t, x, number=number: number(t, x)  # noqa: E731 -- it takes attributes
+        condition.terminal, condition.direction = True, direction  # type: ignore[attr-defined]
+        conditions.append(condition)
+    while True:
+        wanted = times[(times >= begin) & (times <= times[-1])]
+        run = solve_ivp(
+            *(rates, (begin, times[-1]), at, "DOP853", None, True, conditions),
+            **{"rtol": 1e-12, "atol": 1e-13, "max_step": 0.05},
+        )
+        end = run.t[-1]
+        part = wanted[wanted < end] if run.status == 1 else wanted
+        found.append(run.sol(part).T.reshape(len(part), len(x)))
+        if run.status != 1:
+            return np.concatenate(found)
+        met = next(i for i, each in enumerate(run.t_events) if len(each))
+        begin, at = end, np.array(events[met][2](end, run.y[:, -1]))
+
+
+def friction(t: float, x: np.ndarray) -> list[float]:
+    return [x[1], -9.81 - 0.2 * x[1] * abs(x[1])]
+
+
+def slides(t: float, x: np.ndarray) -> list[float]:
+    """A box on a belt, of which the third state is 1 while it sticks."""
+    u = 3.0 * math.sin(2.0 * math.pi * 0.02 * t)
+    if x[2] > 0.5:
+        return [u, 0.0, 0.0]
+    force = -70.0 * x[0] - 10.0 * x[1] + 294.3 * math.copysign(1.0, u - x[1])
+    return [x[1], force / 20.0, 0.0]
+
+
+def belt(t: float) -> float:
+    return 3.0 * math.sin(2.0 * math.pi * 0.02 * t)
+
+
+def breaks_away(t: float, x: np.ndarray) -> float:
+    if x[2] > 0.5:
+        return abs(70.0 * x[0] + 10.0 * belt(t)) - 294.3
+    return -1.0
+
+
+def catches(t: float, x: np.ndarray) -> float:
+    if x[2] > 0.5:
+        return -1.0
+    return min(0.02 - abs(x[1] - belt(t)), 294.3 - abs(70.0 * x[0] + 10.0 * belt(t)))
+
+
+CASES: dict[str, tuple[str, float, Any, list[tuple[Any, float, Any]], list[float]]] = {
+    "bouncing_ball": (
+        "bouncing_ball",
+        8.0,
+        friction,
+        [(lambda t, x: x[0], -1.0, lambda t, x: [abs(x[0]), -0.95 * x[1]])],
+        [1.0, 5.0],
+    ),
+    "bouncing_pendulum": (
+        "published/bouncing_pendulum",
+        15.0,
+        lambda t, x: [x[1], -9.81 * math.sin(x[0])],
+        [(lambda t, x: x[0], -1.0, lambda t, x: [abs(x[0]), -0.9 * x[1]])],
+        [3.110176727053895, 0.0],
+    ),
+    "stick_slip": (
+        "published/stick_slip",
+        40.0,
+        slides,
+        [
+            (breaks_away, 1.0, lambda t, x: [x[0], belt(t), 0.0]),
+            (catches, 1.0, lambda t, x: [x[0], belt(t), 1.0]),
+        ],
+        [0.0, 0.0, 1.0],
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("case", CASES)
+def test_systems_with_events_agree_with_scipy(case: str, engine: str) -> None:
+    name, until, rates, events, x = CASES[case]
+    graph = runtime.load(str(GALLERY / f"{name}.yaml")).set("run.until", until)
+    for key, value in {"dt": 0.01, "solver": "dopri5", "rtol": 1e-8, "atol": 1e-10}.items():
+        graph = graph.set(f"run.{key}", value)
+    block = next(each for each in graph.names if each != "belt")
+    result = graph.overlay({"probes": {"all": f"{block}.out"}}).run(engine=engine)
+    assert result.manifest["engine"] == engine
+    times = 0.01 * np.arange(len(result["all"]))
+    expected = by_scipy(rates, events, x, times)
+    error = np.abs(result["all"] - expected).max(axis=0) / np.abs(expected).max(axis=0)
+    assert error.max() < 1e-6
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_thermostat_follows_the_exponentials_of_its_two_modes(engine: str) -> None:
+    result = runtime.load(str(GALLERY / "thermostat.yaml")).run(engine=engine)
+    y = np.ravel(result["temperature"])
+    times, expected = 0.01 * np.arange(len(y)), np.zeros(len(y))
+    begin, now, heat = 0.0, 15.0, 5.0
+    while begin < times[-1]:
+        rest, goal = 15.0 + heat / 0.45, 25.0 if heat else 23.0
+        lasts = math.log((now - rest) / (goal - rest)) / 0.45
+        inside = (times >= begin) & (times < begin + lasts)
+        expected[inside] = rest + (now - rest) * np.exp(-0.45 * (times[inside] - begin))
+        begin, now, heat = begin + lasts, goal, 5.0 - heat
+    np.testing.assert_allclose(y, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_stop_waits_for_a_crossing_in_its_direction(engine: str) -> None:
+    """The population is above 5 at first, falls below, and rises again."""
+    graph = runtime.load(str(GALLERY / "volterra_lotka.yaml")).set("run.solver", "dopri5")
+    graph = graph.set("run.rtol", 1e-9).set("run.atol", 1e-11)
+    stop = {"when": "populations.out.0", "crosses": 5.0, "direction": "rising"}
+    at = graph.set("run.stop", stop).run(engine=engine).manifest["stopped_at"]
+
+    def rates(t: float, x: np.ndarray) -> list[float]:
+        return [x[0] - 0.1 * x[0] * x[1], 0.5 * x[0] * x[1] - 1.2 * x[1]]
+
+    def level(t: float, x: np.ndarray) -> float:
+        return float(x[0] - 5.0)
+
+    level.direction = 1.0  # type: ignore[attr-defined]
+    found = solve_ivp(rates, (0.0, 20.0), [10.0, 5.0], "DOP853", None, False, [level],
+                      rtol=1e-11, atol=1e-12)  # fmt: skip
+    assert at == pytest.approx(found.t_events[0][0], abs=1e-6)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("solver", ["rk4", "dopri5"])
+def test_edges_are_where_they_are(engine: str, solver: str) -> None:
+    run = {"dt": 0.1, "until": 2.0, "engine": engine, "solver": solver}
+    for source, area in (
+        ({"type": "Step", "time": 0.9137}, 1.9 - 0.9137),
+        ({"type": "Pulse", "period": 0.77, "width": 0.001, "start": 0.05}, 0.003),
+        ({"type": "Piecewise", "times": [0.0, 0.333, 1.0], "values": [0.0, 2.0, 1.0]}, 2.234),
+        ({"type": "Ramp", "start": 0.55, "stop": 1.23, "slope": 2.0}, 0.68**2 + 1.36 * 0.67),
+    ):
+        blocks = {
+            "source": source,
+            "gain": {"type": "Gain", "gain": 2.0},
+            "x": {"type": "Integrator"},
+        }
+        wires = {"gain": {"input": "source.out"}, "x": {"input": "gain.out"}}
+        assert recorded(blocks, wires, "x.out", **run)[-1] == pytest.approx(2.0 * area, abs=1e-12)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_limits_are_left_as_soon_as_the_input_turns(engine: str) -> None:
+    """The integral of sin from 0 to 1.1 and back down to -0.7: 1.1 is met and left exactly."""
+    blocks = {
+        "wave": {"type": "Sine", "frequency": 0.1},
+        "x": {"type": "Integrator", "lower": -0.7, "upper": 1.1},
+    }
+    run = {"dt": 0.1, "until": 10.0, "engine": engine, "solver": "dopri5", "rtol": 1e-10}
+    y = recorded(blocks, {"x": {"input": "wave.out"}}, "x.out", **run, atol=1e-12)
+    t, w = 0.1 * np.arange(100), 0.2 * math.pi
+    met = math.acos(1.0 - 1.1 * w) / w
+    rising = (1.0 - np.cos(w * t)) / w
+    after = np.maximum(1.1 - (np.cos(w * 5.0) - np.cos(w * t)) * -1.0 / w, -0.7)
+    expected = np.where(t < met, rising, np.where(t < 5.0, 1.1, after))
+    np.testing.assert_allclose(y, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_events_without_end_are_an_error_that_names_the_block(engine: str) -> None:
+    blocks = {
+        "push": {"type": "Relay", "low": -1.0, "high": 1.0},
+        "rate": {"type": "Function", "expression": "0.3 - u[0]"},
+        "x": {"type": "Integrator", "initial": 0.25},
+    }
+    wires = {"push": {"input": "x.out"}, "rate": {"u": "push.out"}, "x": {"input": "rate.out"}}
+    run = {"dt": 0.1, "until": 2.0, "engine": engine}
+    with pytest.raises(SimulationError, match=r"block 'push'.*more than 1000 events.*hysteresis"):
+        recorded(blocks, wires, "x.out", **run)
+    ticks = recorded(blocks, wires, "x.out", **run, events="ticks")
+    assert abs(ticks[10:]).max() < 0.2  # chatters about 0, once a tick
+    band = {"push": {"type": "Relay", "low": -1.0, "high": 1.0, "switch_on": 0.01}}
+    slides = recorded(blocks | band, wires, "x.out", **run)
+    assert slides[10:].min() > -1e-12 and slides[10:].max() < 0.01 + 1e-12
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_times_of_events_are_recorded(engine: str, tmp_path: Path) -> None:
+    graph = runtime.load(str(GALLERY / "thermostat.yaml")).overlay(
+        {"probes": {"switches": {"events": "heater"}}}
+    )
+    result = graph.run(engine=engine)
+    first = math.log((15.0 - 15.0 - 5.0 / 0.45) / (25.0 - 15.0 - 5.0 / 0.45)) / 0.45
+    assert result.time("switches")[0] == pytest.approx(first, abs=1e-7)
+    assert len(result.time("switches")) == 18
+    assert not np.any(result["switches"])  # all of them are of the first guard
+    saved = runtime.runs.open_run(result.save(tmp_path / "run"))
+    np.testing.assert_array_equal(saved.time("switches"), result.time("switches"))
