@@ -10,12 +10,13 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from benchmarks import by_hand, case_a, peers, tracking
+from benchmarks import by_hand, case_a, in_c, peers, tracking
 from benchmarks.agreement import Run, largest_difference, run_all
 from benchmarks.timing import Timing, take_turns
 
 PYTHON, COMPILED = "spikeblocks, Python engine", "spikeblocks, compiled engine"
 NUMPY, NUMBA, NENGO = "numpy loop by hand", "numba loop by hand", "nengo"
+C, VECTOR = "C by hand, the C library's functions", "C by hand, in vector instructions"
 ENGINES = {PYTHON: "python", COMPILED: "compiled"}
 
 LEAST = 0.2  # s of runs in a round
@@ -66,6 +67,8 @@ def case_a_contest(neurons: int, ticks: int) -> tuple[Contest, float]:
     hands = {
         NUMPY: partial(by_hand.numpy_case_a, numbers, ticks),
         NUMBA: partial(by_hand.numba_case_a, numbers, ticks),
+        C: partial(in_c.case_a, numbers, ticks),
+        VECTOR: partial(in_c.case_a, numbers, ticks, vector=True),
     }
     subject = f"case A, {neurons} neurons"
     ran = run_all(ours)
@@ -99,6 +102,7 @@ def tracking_contest(dt: float, ticks: int) -> tuple[Contest, float]:
         name: tracking.Ours(ticks, dt, engine) for name, engine in ENGINES.items()
     }
     short[NUMBA] = partial(by_hand.numba_tracking, ticks, dt)
+    short[C] = partial(in_c.tracking, ticks, dt)
     short |= {title: partial(poses, ticks, dt) for title, poses in found.items()}
     subject = f"tracking at {1e3 * dt:g} ms"
     apart = largest_difference(subject, run_all(short))
@@ -106,4 +110,5 @@ def tracking_contest(dt: float, ticks: int) -> tuple[Contest, float]:
     long = 50 * ticks
     contestants[COMPILED] = (tracking.Ours(long, dt, "compiled"), long)
     contestants[NUMBA] = (partial(by_hand.numba_tracking, long, dt), long)
+    contestants[C] = (partial(in_c.tracking, long, dt), long)
     return Contest(subject, contestants), apart

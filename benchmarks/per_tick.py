@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from benchmarks import case_c, chains, peers
-from benchmarks.contests import COMPILED, NENGO, NUMBA, PYTHON, Contest
+from benchmarks.contests import COMPILED, NENGO, NUMBA, PYTHON, VECTOR, C, Contest
 from benchmarks.tables import Goal, against, faster, figure, goals, table, within
 from benchmarks.timing import Timing, take_turns
 
@@ -35,6 +35,10 @@ def case_a_section(contests: dict[int, Contest], rounds: int) -> str:
                 faster("Python engine ahead of nengo", times, PYTHON, NENGO, 1.0),
                 within("compiled within 1.5x of the numba loop", times, COMPILED, NUMBA, 1.5),
             ]
+        wanted += [
+            within("compiled within 1.3 of C by hand", times, COMPILED, C, 1.3),
+            within("compiled within 1.5 of the fastest C by hand", times, COMPILED, VECTOR, 1.5),
+        ]
         text += goals(wanted)
     return text
 
@@ -60,6 +64,7 @@ def tracking_section(contests: dict[float, Contest], rounds: int) -> str:
                 "Python engine ahead of pydrake with Python systems", times, PYTHON, "pydrake", 1.0
             ),
             within("compiled within 3x of the numba loop", times, COMPILED, NUMBA, 3.0),
+            within("compiled within 1.5 of C by hand", times, COMPILED, C, 1.5),
         ]
         text += goals(wanted)
     return text

@@ -42,8 +42,10 @@ PRELOADED = (
     *("blocks", "spikeblocks_command", "networkx", "scipy.linalg", "scipy.optimize"),
     *("scipy.signal", "scipy.special", "scipy.stats", "matplotlib.pyplot"),
     *("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg", "mpl_toolkits.mplot3d"),
-    *("runtime.compare", "runtime.diagrams", "runtime.engine", "runtime.experiments"),
-    *("runtime.plots", "runtime.reports"),
+    *("runtime.compare", "runtime.compiler", "runtime.diagrams", "runtime.engine"),
+    *("runtime.engine.compiled", "runtime.experiments", "runtime.experiments.design"),
+    *("runtime.experiments.execution", "runtime.language", "runtime.plots", "runtime.reports"),
+    *("runtime.runs", "runtime.toolchain"),
 )
 
 
@@ -108,7 +110,9 @@ def serve(number: int) -> None:
     """Run each command that arrives on a socket in a fork, until the other end is closed."""
     for name in PRELOADED:
         with contextlib.suppress(ImportError):
-            importlib.import_module(name)
+            module = importlib.import_module(name)
+            for exported in module.__all__ if name.startswith(("blocks", "runtime")) else ():
+                getattr(module, exported)  # doors import what is asked for
     importlib.import_module("runtime.cli").make_parser()  # imports the modules of all verbs
     _warm()
     gc.collect()

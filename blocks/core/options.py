@@ -34,20 +34,19 @@ class Options:
         """
         known = dict(sizes or {})
         for name, declared in cls.declared.items():
-            expected = f"expected {declared.describe(known)}"
             if name not in values:
                 if declared.required:
+                    expected = f"expected {declared.describe(known)}"
                     yield name, f"missing; {expected}: {declared.doc}"
                 continue
             written = values[name]
             try:
                 value = declared.convert(written)
             except ValueError:
-                yield name, f"{expected}, got {show(written)}"
-                continue
+                value = None
             is_misshapen = isinstance(value, np.ndarray) and not declared.fits(value, known)
             if value is None or is_misshapen:
-                yield name, f"{expected}, got {show(written)}"
+                yield name, f"expected {declared.describe(known)}, got {show(written)}"
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -124,7 +124,7 @@ def _unused_solver(network: Network) -> list[str]:
     """A note if the graph sets a solver that has nothing to integrate."""
     run = network.document.get("run")
     keys = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
-    if not keys or any(entry.cls.spec.continuous for entry in network.entries.values()):
+    if not keys or network.is_continuous:
         return []
     return [f"run.{keys[0]}: not used, since no block has continuous states to integrate"]
 

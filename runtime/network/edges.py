@@ -17,6 +17,7 @@ ON_TICK = 1e-9
 
 def off_ticks(times: FloatArray, dt: float) -> FloatArray:
     """The times that are not at a tick."""
+    times = times[np.isfinite(times)]  # a Ramp without an end has its end at infinity
     ticks = times / dt
     rounding = np.maximum(ON_TICK, 4.0 * np.finfo(float).eps * np.abs(ticks))
     off: FloatArray = times[np.abs(ticks - np.round(ticks)) > rounding]

@@ -19,6 +19,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from runtime.errors import UsageError, one_line
@@ -203,5 +204,20 @@ def save_figure(figure: Figure, path: Path) -> None:
     date_key = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
     about: dict[str, Any] = {} if date_key is None else {date_key: None}
     with matplotlib.rc_context({"svg.hashsalt": "spikeblocks", "pdf.fonttype": 42}):
-        figure.savefig(content, dpi=DPI, format=kind, metadata=about)
+        if kind == "png":
+            _write_png(figure, content)
+        else:
+            figure.savefig(content, dpi=DPI, format=kind, metadata=about)
     write_whole(path, content.getvalue())
+
+
+def _write_png(figure: Figure, file: BytesIO) -> None:
+    """The same bytes as of ``savefig``, which draws the figure twice: first to lay it out."""
+    canvas, dpi = figure.canvas, figure.dpi
+    figure.dpi = DPI
+    own: Any = FigureCanvasAgg(figure)
+    try:
+        own.print_png(file, metadata={})
+    finally:
+        figure.set_canvas(canvas)
+        figure.dpi = dpi

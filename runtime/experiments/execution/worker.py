@@ -211,11 +211,16 @@ def _load(bundle: GraphBundle) -> Graph:
 
 @lru_cache(CACHED_GRAPHS)
 def _build(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
-    """A graph with its network, which all seeds of a configuration share."""
+    """A graph with its network, which all seeds of a configuration share.
+
+    What the graph before was made of is used again as far as it is the same. Loops are found when
+    the run is planned, which records less than the graph does.
+    """
     graph = _load(bundle)
     for path, cell in edits:
         graph = graph.set(path, parse_yaml(cell, path).plain(), origin=path)
-    return graph.check()
+    _ = graph.network  # raises what is wrong
+    return graph
 
 
 @lru_cache(1)

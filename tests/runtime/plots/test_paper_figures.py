@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import runtime
-from runtime.plots import LOOKS, draw, save_plots, symbol
+from runtime.plots import LOOKS, draw, save_figure, save_plots, symbol
+from runtime.plots.figures import DPI
 from tests.conftest import Run
 
 
@@ -151,6 +153,20 @@ def test_every_format_is_written_and_the_same_run_gives_the_same_file(tmp_path: 
     starts = [path.read_bytes()[:4] for path in paths]
     assert starts == [b"\x89PNG", b"%PDF", b"<?xm"]
     assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
+
+
+@pytest.mark.parametrize(("kind", "of"), [("timeseries", "turn"), ("trajectory", "pose")])
+def test_a_png_that_is_drawn_once_has_the_bytes_of_savefig(
+    tmp_path: Path, kind: str, of: str
+) -> None:
+    save_figure(drawn("screen", kind=kind, of=of), tmp_path / "a.png")
+    figure, expected = drawn("screen", kind=kind, of=of), BytesIO()
+    figure.savefig(expected, dpi=DPI, format="png", metadata={})
+    assert (tmp_path / "a.png").read_bytes() == expected.getvalue()
+    # The figure is what it was, so that it can be saved in another format, too.
+    size, canvas = figure.dpi, figure.canvas
+    save_figure(figure, tmp_path / "b.png")
+    assert (figure.dpi, figure.canvas) == (size, canvas)
 
 
 def test_greek_letters_stand_for_components_alone() -> None:
