@@ -181,8 +181,7 @@ def _is_continuous(network: Network, entry: NetworkEntry) -> bool:
     if entry.cls.spec.continuous:
         return True
     # Memoryless blocks between integrators are evaluated at the solver's stages, too.
-    is_solved = any(each.cls.spec.continuous for each in network.entries.values())
-    return is_solved and any(
+    return network.is_continuous and any(
         (entry.name, port) in network.moving for port in entry.cls.spec.outputs
     )
 

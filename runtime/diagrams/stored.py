@@ -34,9 +34,11 @@ _PICTURE = {"title": str, "boxes": [_BOX], "parts": [_PART], "nets": [_NET]}
 
 def stored_picture(network: Network) -> str | None:
     """A network's diagram as JSON; None if it is too large to be drawn in a report."""
+    if len(network.entries) + len(network.removed_entries) > MAX_BOXES:
+        return None
     picture = picture_of(network)
     wires = sum(len(net.targets) for net in picture.nets)
-    if len(picture.boxes) > MAX_BOXES or wires > MAX_WIRES:
+    if wires > MAX_WIRES:
         return None
     data = {
         "schema_version": SCHEMA_VERSION,

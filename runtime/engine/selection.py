@@ -69,7 +69,7 @@ def python_seconds(network: Network) -> float:
 def _stages(network: Network) -> float:
     """The estimated time (s) of the stages of a solver in one tick."""
     entries = network.entries.values()
-    if not any(entry.cls.spec.continuous for entry in entries):
+    if not network.is_continuous:
         return 0.0
     again = [entry for entry in entries if entry.is_memoryless or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)

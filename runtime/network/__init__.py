@@ -22,6 +22,7 @@ from runtime.network.components import (
     unknown_component,
 )
 from runtime.network.discretization import discretize
+from runtime.network.edges import off_ticks
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
@@ -61,6 +62,7 @@ __all__ = [
     "is_range",
     "is_variadic",
     "missing_block",
+    "off_ticks",
     "ours_for",
     "outputs_in",
     "own_object",

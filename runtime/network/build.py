@@ -32,6 +32,7 @@ from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.contexts import check_contexts, failure_text
 from runtime.network.defaults import with_defaults
+from runtime.network.edges import edge_notes
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -106,9 +107,8 @@ def build(
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
     report_open_inputs(network, wiring, problems)
-    network = replace(
-        network, notes=(*network.notes, *open_notes(network), *_unused_solver(network))
-    )
+    notes = [*open_notes(network), *_unused_solver(network), *edge_notes(network)]
+    network = replace(network, notes=(*network.notes, *notes))
     check_enabling(network, problems)
     if not problems.items:
         report_open(network, problems)
@@ -124,7 +124,7 @@ def _unused_solver(network: Network) -> list[str]:
     """A note if the graph sets a solver that has nothing to integrate."""
     run = network.document.get("run")
     keys = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
-    if not keys or any(entry.cls.spec.continuous for entry in network.entries.values()):
+    if not keys or network.is_continuous:
         return []
     return [f"run.{keys[0]}: not used, since no block has continuous states to integrate"]
 

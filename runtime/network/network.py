@@ -192,6 +192,11 @@ class Network:
         return tuple(wires)
 
     @cached_property
+    def is_continuous(self) -> bool:
+        """Whether a solver integrates states of some block."""
+        return any(entry.cls.spec.continuous for entry in self.entries.values())
+
+    @cached_property
     def moving(self) -> frozenset[Port]:
         """The outputs that may change between two ticks; all others hold their value of a tick.
 

@@ -102,20 +102,25 @@ class RunData:
         return number(value)
 
     @cached_property
+    def _made(self) -> OriginFiles:
+        return self.origin()
+
+    @cached_property
     def texts(self) -> dict[str, str]:
         """The graph as written and as run, by file name."""
-        return self.origin()[0]
+        return self._made[0]
 
     @cached_property
     def files(self) -> dict[str, bytes]:
         """The files of the graph's own blocks, by their names in the graph's text."""
-        return self.origin()[1]
+        return self._made[1]
 
     def __getstate__(self) -> dict[str, Any]:
         # `origin` refers to the graph and its blocks, which a worker cannot send; its results it
         # can.
         texts, files = self.texts, self.files
-        return {**self.__dict__, "origin": partial(_constant_origin, texts, files)}
+        kept = {name: value for name, value in self.__dict__.items() if name != "_made"}
+        return kept | {"origin": partial(_constant_origin, texts, files)}
 
     @property
     def status(self) -> str:
