@@ -26,7 +26,7 @@ from runtime.engine.compiled.signals import NOT_INTEGRATED, STOPPED, UNSOLVED, S
 from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
-from runtime.engine.python_text import CONDITIONS, row
+from runtime.engine.python_text import CONDITIONS, EARLIER, row
 from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     Argument,
@@ -324,7 +324,11 @@ class EngineText(SignalText):
         node = f"{table}[stage * {method.table.shape[1]} + {method.stages}]"
         since = f"{node} * {span}" if span else f"(done + {node} * h)"
         with self.block(f"for (int64_t stage = 0; stage < {method.stages}; stage++)"):
-            self.put(f"const double t = (double)k * dt + {since};  /* {part.solver} */", "(void)t;")
+            time = f"(double)k * dt + {since}"
+            if part.is_left:
+                end = f"({self.struct.array('search')})[2]"
+                time = f"fmin({time}, (double)k * dt + {end} - {EARLIER * self.plan.dt!r})"
+            self.put(f"const double t = {time};  /* {part.solver} */", "(void)t;")
             self.operations(part.stage)
             self.put("double bad = -1.0;")
             self.run("first_bad", slopes, "stage", "&bad")
