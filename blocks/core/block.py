@@ -200,6 +200,11 @@ class Block:
         """The times (s) in a run at which the outputs jump or bend, as a source knows them."""
         return ()
 
+    @property
+    def jumps(self) -> bool:
+        """Whether outputs that move between edges jump at one, as saw teeth do."""
+        return False
+
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         """Lengths that follow from others that are known, by symbol."""
         return {}
