@@ -100,11 +100,13 @@ class OperatingPoint:
         held = sum(point.sizes[:2])
         try:
             columns[held:] = point.tick(0, columns, u)[0][held:]
-            point.flow(columns, u)
+            rates = point.flow(columns, u)[0]
         except WRONG as error:
-            block = getattr(error, "block", "") or "a block"
-            message = f"{block} has no value at the operating point: {error}; choose another with "
+            message = f"a block has no value at the operating point: {error}; choose another with "
             raise UsageError(message + "--at or --state") from None
+        for i in np.flatnonzero(~np.isfinite(rates)):
+            message = f"the rate of change of {known[i]} has no value at the operating point"
+            raise UsageError(f"{message}; choose another with --at or --state")
         return columns
 
     def _check(self, point: Point) -> None:
