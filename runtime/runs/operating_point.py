@@ -20,6 +20,8 @@ from runtime.observation import Observation
 from runtime.plan import Port
 from runtime.runs.sampling import structure_of
 
+WRONG = (ArithmeticError, ValueError, LookupError)  # outside of a function's domain
+
 
 class OperatingPoint:
     """A graph at a time, with numbers that are added to some signals.
@@ -96,7 +98,13 @@ class OperatingPoint:
             columns[place] = array.ravel()
         u = self.u if len(point.offsets.first) else np.zeros(0)
         held = sum(point.sizes[:2])
-        columns[held:] = point.tick(0, columns, u)[0][held:]
+        try:
+            columns[held:] = point.tick(0, columns, u)[0][held:]
+            point.flow(columns, u)
+        except WRONG as error:
+            block = getattr(error, "block", "") or "a block"
+            message = f"{block} has no value at the operating point: {error}; choose another with "
+            raise UsageError(message + "--at or --state") from None
         return columns
 
     def _check(self, point: Point) -> None:
