@@ -280,7 +280,9 @@ class _Builder:
         every = again(wanted, evaluations, network.types)
         blocks = {each.block for each in every if isinstance(each, Call)}
         edges = [times for name, times in self.edges.items() if name in blocks]
-        if not (crossings or edges):
+        is_left = any(network.entries[name].block.jumps for name in blocks & network.entries.keys())
+        is_left = is_left and network.events == "located"
+        if not (crossings or edges or is_left):
             return part
         return replace(
             part,
@@ -289,6 +291,7 @@ class _Builder:
             after=(*again(wanted, evaluations, self.changing), *self.triggered(evaluations)),
             edges=padded(edges),
             log=MOST_EVENTS if self.observation.events else 0,
+            is_left=is_left,
         )
 
     def triggered(self, evaluations: list[Evaluated]) -> Iterator[Operation]:

@@ -230,6 +230,17 @@ def test_edges_are_where_they_are(engine: str, solver: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("start", [0.0, 0.0371])
+def test_saw_teeth_are_seen_from_the_left_before_they_fall(engine: str, start: float) -> None:
+    teeth = {"type": "Pulse", "period": 1.0, "rise": 1.0, "width": 0.0, "start": start}
+    blocks = {"teeth": teeth, "x": {"type": "Integrator"}}
+    run = {"dt": 0.1, "until": 5.0, "engine": engine}
+    area = 4 / 2 + (4.9 - start - 4.0) ** 2 / 2
+    found = recorded(blocks, {"x": {"input": "teeth.out"}}, "x.out", **run)[-1]
+    assert found == pytest.approx(area, abs=1e-8)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_limits_are_left_as_soon_as_the_input_turns(engine: str) -> None:
     """The integral of sin from 0 to 1.1 and back down to -0.7: 1.1 is met and left exactly."""
     blocks = {
