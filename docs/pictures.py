@@ -50,7 +50,19 @@ def of_run(command: str, plot: str) -> Picture:
     return Picture(f"runs/*/latest/plots/{plot}.png", (command,))
 
 
+POLE = "runtime linearize gallery/balanced_pole --without noise --state cart.x=0"
+
+
+def of_pole(options: str) -> Picture:
+    """A figure of the linearization of the balanced pole."""
+    return Picture("pole.png", (f"{POLE} {options} -o pole.png",))
+
+
 PICTURES = {
+    "linear_step.png": of_pole("--inputs wanted.out --outputs cart.position,cart.angle"),
+    "linear_margins.png": of_pole("--open lqr.command --margins"),
+    "linear_nyquist.png": of_pole("--open lqr.command --nyquist"),
+    "linear_locus.png": of_pole("--rlocus blocks.lqr.R=0.005..50"),
     "errors.png": of_run("runtime run starters/adaptive --vs without=adaptive", "errors"),
     "diagram.svg": Picture("adaptive.svg", ("runtime draw starters/adaptive",)),
     "room.png": of_run("runtime run wall_following_robust --with conditions/turn_loss_50", "room"),

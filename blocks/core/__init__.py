@@ -15,7 +15,9 @@ from blocks.core.elementwise import (
 )
 from blocks.core.equations import Equations, items, value_type, width_of, wrong_size
 from blocks.core.expression_arrays import ARRAYS, CREATION
-from blocks.core.expression_text import ExpressionError, parsed
+from blocks.core.expression_indices import MAX_DEPTH
+from blocks.core.expression_text import MAX_LENGTH, ExpressionError, parsed
+from blocks.core.expression_values import MAX_WRITTEN
 from blocks.core.expressions import (
     Expressions,
     array_of,
@@ -56,7 +58,15 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, misnamed, modulo, nearest, wrap
+from blocks.core.scalar_functions import (
+    CONSTANTS,
+    FUNCTIONS,
+    SCOPE,
+    misnamed,
+    modulo,
+    nearest,
+    wrap,
+)
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -89,7 +99,11 @@ __all__ = [
     "CONSTANTS",
     "CREATION",
     "FUNCTIONS",
+    "MAX_DEPTH",
+    "MAX_LENGTH",
+    "MAX_WRITTEN",
     "REQUIRED",
+    "SCOPE",
     "TYPES",
     "Block",
     "BlockContext",

@@ -200,6 +200,11 @@ class Block:
         """The times (s) in a run at which the outputs jump or bend, as a source knows them."""
         return ()
 
+    @property
+    def jumps(self) -> bool:
+        """Whether outputs that move between edges jump at one, as saw teeth do."""
+        return False
+
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         """Lengths that follow from others that are known, by symbol."""
         return {}
@@ -242,6 +247,10 @@ class Block:
 
     def resume(self, state: BlockState) -> None:
         """Bring what ``start`` derived into line with states that come from an earlier run."""
+
+    def before_differences(self, state: BlockState) -> None:
+        """Prepare a state for a linearization, where outputs choose by the data what they compute:
+        a state that moves alone would choose otherwise."""
 
     def facts(self, state: BlockState) -> Mapping[str, float]:
         """Numbers about the started block that ``runtime explain`` shows, by name."""

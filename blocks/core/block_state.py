@@ -20,6 +20,10 @@ from blocks.core.params import ParameterError
 from blocks.core.signals import SignalType
 
 
+def _alone(name: str) -> None:
+    """The neighbour of a block that has none."""
+
+
 @dataclass(frozen=True)
 class BlockContext:
     """The surroundings of a block in a built graph.
@@ -52,8 +56,12 @@ class BlockContext:
     wired: frozenset[str] = frozenset()
     sampled: bool = False
     neighbour: Callable[[str], tuple[Any, BlockContext] | None] = field(
-        default=lambda name: None, compare=False, repr=False
+        default=_alone, compare=False, repr=False
     )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the neighbours, which another process does not have."""
+        return {**vars(self), "neighbour": _alone}
 
     def count(self, port: str) -> int:
         """The number of terms of a variadic input whose terms are told apart by their places.

@@ -81,11 +81,6 @@ def atanh(x: FloatArray) -> FloatArray:
     return _each(math.atanh, x)
 
 
-def load() -> None:
-    """Import what :func:`__getattr__` imports, which would count as the time of the first tick."""
-    __getattr__("expm1")
-
-
 def __getattr__(name: str) -> Any:
     """``expm1`` and ``log1p``: SciPy's, as fast as NumPy's and the same on all processors."""
     if name not in ("expm1", "log1p"):

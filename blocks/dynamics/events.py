@@ -45,6 +45,10 @@ class Happenings(Setting):
             raise SettingError(problems)
         return cls([each for each in items if each is not None])
 
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {"[{when: x < 0, then: [0]}]": "events with the states after each"}
+
     def written(self) -> Any:
         return [vars(each) | {"then": list(each.then)} for each in self.items]
 

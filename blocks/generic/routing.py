@@ -34,7 +34,11 @@ class Select(Block):
     inputs = Input(Scalar, variadic=True, spread="inputs", doc="numbers, records or vectors")
     out = Output(Vector("chosen"), doc="the chosen components")
 
-    indices: FloatArray = param(at_least=0.0, shape=(None,), doc="which components, from 0")
+    indices: FloatArray = param(
+        at_least=0.0,
+        shape=(None,),
+        doc="which components, from 0: a list, or '[i for i in range(8) if i != 3]'",
+    )
 
     def validate(self) -> None:
         if (self.indices % 1.0).any() or not len(self.indices):

@@ -25,7 +25,6 @@ from blocks.core import (
     dot,
     kernel_of,
     param,
-    portable,
 )
 from blocks.core.polynomials import any_order, expm1
 from blocks.core.portable import flush, flush_due, share_of
@@ -99,7 +98,6 @@ class LearningEnsemble(Learner):
             raise ParameterError([("encoders", message)])
 
     def start(self, state: BlockState) -> None:
-        portable.load()
         n, d = state.scaled_encoders.shape
         # Always drawn, in this order, so that fixing one quantity does not change the others.
         low, high = self.max_rates.tolist()

@@ -143,6 +143,10 @@ class Pulse(Block):
         return self.rise == 0.0 and self.fall == 0.0
 
     @property
+    def jumps(self) -> bool:
+        return (self.rise == 0.0) != (self.fall == 0.0)
+
+    @property
     def plateau(self) -> float:
         """The time at high."""
         half = 0.5 * self.period - 0.5 * (self.rise + self.fall)

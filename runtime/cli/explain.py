@@ -40,6 +40,10 @@ def explain_json(graph: Graph) -> dict[str, Any]:
             {"from": str(w.source), "to": w.target, "type": str(network.types[w.block, w.port])}
             for w in network.wires
         ],
+        "loops": [
+            {"unknowns": list(map(str, loop.unknowns)), "through": loop.path}
+            for loop in engine.plan.loops
+        ],
         "continuous": _continuous(engine.plan),
         "populations": _populations(engine),
         "removed": dict(network.removed),
@@ -133,6 +137,8 @@ def explain_text(graph: Graph, code: bool = False) -> str:
         lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {end}")
     for name, how in facts["removed"].items():
         lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
+    for loop in facts["loops"]:
+        lines += ["", f"Solved for {', '.join(loop['unknowns'])}: {loop['through']}"]
     if facts["populations"]:
         lines += ["", *_population_lines(facts["populations"])]
     if facts["continuous"] is not None:

@@ -9,11 +9,16 @@ from __future__ import annotations
 
 import re
 
-from blocks.core import ARRAYS, CONSTANTS, CREATION, FUNCTIONS
-from blocks.core.expression_indices import MAX_DEPTH
-from blocks.core.expression_text import MAX_LENGTH
-from blocks.core.expression_values import MAX_WRITTEN
-from blocks.core.scalar_functions import SCOPE
+from blocks.core import (
+    ARRAYS,
+    CONSTANTS,
+    CREATION,
+    FUNCTIONS,
+    MAX_DEPTH,
+    MAX_LENGTH,
+    MAX_WRITTEN,
+    SCOPE,
+)
 
 PAGE = """# Expressions
 

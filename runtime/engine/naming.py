@@ -27,7 +27,18 @@ CONTINUOUS_NAMES = (
     *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached", "refused"),
     *("ArithmeticError", "ValueError"),
     *("stop", "beyond", "search", "sides", "directions", "guards", "fired", "edges", "found"),
-    *("opened", "proposed", "decided", "restless", "reached", "which", "noted", "log", "count"),
+    *(
+        "opened",
+        "proposed",
+        "decided",
+        "restless",
+        "reached",
+        "which",
+        "noted",
+        "log",
+        "count",
+        "min",
+    ),
 )
 
 

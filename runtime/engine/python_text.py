@@ -40,6 +40,8 @@ from runtime.plan import (
 )
 
 INDENT = "    "
+# How much before an edge, in ticks, a source shows what it is before: more than its tolerance.
+EARLIER = 4e-9
 # The operations of a piece at least: Python's compiler takes a hundred times a text's memory.
 PIECE = 1000
 # When a run stops at a tick, by direction: conditions on the distance ``beyond`` of a signal from
@@ -325,7 +327,9 @@ class PythonText:
         """The stages of one step of the solver."""
         self.code(f"for stage in range({method.stages}):  # {part.solver}")
         self.depth += 1
-        self.code(f"t = k * {self.dt} + {since}")
+        last = f", k * {self.dt} + search.item(2) - {EARLIER * self.plan.dt!r})"
+        time = f"k * {self.dt} + {since}"
+        self.code(f"t = min({time}{last}" if part.is_left else f"t = {time}")
         self.operations(part.stage)
         self.code("isfinite(sum(slopes[stage].tolist())) or bad_slope(stage, t)")
         self.code(f"blend(states, start, slopes, weights, stage, {h})")

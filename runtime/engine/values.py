@@ -149,6 +149,7 @@ def bad_slope(part: Integrate, slopes: FloatArray, stage: int, t: float) -> None
 
 
 STIFF = ", or changes much faster than the others (a stiff system, for which there is rodas4)"
+JUMPS = "; a derivative that jumps, as sign(x) does, needs a Relay in its place, or a fixed step"
 
 
 def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t: float) -> NoReturn:
@@ -160,7 +161,7 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
         f"{solver} cannot integrate state '{slot.component(column)}' with {tolerance}: "
         f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} {part.time_unit} "
         f"at t = {t:g} {part.time_unit}; the "
-        f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
+        f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}{JUMPS}",
         slot.block,
     )
 

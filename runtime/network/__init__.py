@@ -23,6 +23,7 @@ from runtime.network.components import (
     unknown_component,
 )
 from runtime.network.discretization import discretize
+from runtime.network.edges import off_ticks
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
@@ -66,6 +67,7 @@ __all__ = [
     "is_variadic",
     "missing_block",
     "near_to",
+    "off_ticks",
     "ours_for",
     "outputs_in",
     "own_object",

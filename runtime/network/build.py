@@ -32,6 +32,7 @@ from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.contexts import check_contexts, failure_text
 from runtime.network.defaults import with_defaults
+from runtime.network.edges import edge_notes
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -121,9 +122,8 @@ def judge(
         notes, units = check_units(network, problems)
         network = network.changed(notes=(*network.notes, *notes), units=units)
     report_open_inputs(network, wiring, problems)
-    network = network.changed(
-        notes=(*network.notes, *open_notes(network), *_unused_solver(network))
-    )
+    notes = [*open_notes(network), *_unused_solver(network), *edge_notes(network)]
+    network = network.changed(notes=(*network.notes, *notes))
     check_enabling(network, problems)
     if not problems.items:
         report_open(network, problems)

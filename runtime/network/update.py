@@ -36,7 +36,7 @@ from runtime.network.wiring import Wiring
 Value = TypeVar("Value")
 MAX_TOUCHED = 200  # names; of more, building everything is not much slower
 ELSEWHERE = ("without", "bypass", "from", "initial", "inputs", "outputs")
-_OWNER = re.compile(r"(?:blocks|wires)\.(\w+)")
+_OWNER = re.compile(r"(?:(?:blocks|wires)\.|block ')(\w+)")
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,8 @@ def update(
     if wrong or scope.parts or before.signal_types or any(map(document.get, ELSEWHERE)):
         return None
     network, wiring = _wired(before, edit, scope, document, problems, block_cache)
+    if _is_continuous(network) != _is_continuous(before):
+        return None  # which blocks have events between ticks
     judged = (name for name in edit.blocks if name in edit.near and name in network.entries)
     network = network.changed(only=tuple(judged))
     # Also those whose wire is gone: the type may have come along it.
@@ -99,6 +101,10 @@ def update(
     kept = [note for note in before.notes if _owner(note) not in {*edit.near, ""}]
     notes = sorted([*kept, *network.notes], key=_order(edit)) if kept else network.notes
     return network.changed(only=None, notes=tuple(notes)), extra
+
+
+def _is_continuous(network: Network) -> bool:
+    return any(entry.cls.spec.continuous for entry in network.entries.values())
 
 
 def _ends(wire: Wire) -> tuple[str, str]:
@@ -366,6 +372,8 @@ def _order(edit: Edit) -> Callable[[str], tuple[int, int]]:
         name = _owner(note)
         if note.startswith("wires."):
             return 1, wires.get(name, 0)
+        if note.startswith("block '"):
+            return 4, blocks.get(name, 0)
         stage = 3 if not name else 2 if ": nothing is wired to it: " in note else 0
         return stage, blocks.get(name, 0)
 

@@ -22,7 +22,15 @@ from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
 from runtime.plan.coupling import ADAPTIVE, IMPLICIT, Coupling
-from runtime.plan.located import MOST_EVENTS, changing, directions, edges_between, meets, padded
+from runtime.plan.located import (
+    MOST_EVENTS,
+    changing,
+    directions,
+    edges_between,
+    is_momentary,
+    meets,
+    padded,
+)
 from runtime.plan.moving import Evaluated, again, continuous_row, declared_states, read_by
 from runtime.plan.operations import (
     Call,
@@ -246,9 +254,10 @@ class _Builder:
         self, part: Integrate, evaluations: list[Evaluated], stop: Stop | None
     ) -> Integrate:
         """Integration whose steps end at events, and at edges of the sources that it reads."""
+        network = self.network
         crossings: list[Crossing] = []
         for name in sorted(self.located):
-            spec, found = self.network.entries[name].cls.spec, self.directions[name]
+            spec, found = network.entries[name].cls.spec, self.directions[name]
             start = crossings[-1].stop if crossings else 0
             slot = GuardSlot(name, "guards", (len(found),), start)
             event = None
@@ -263,20 +272,40 @@ class _Builder:
             start = crossings[-1].stop if crossings else 0
             crossings.append(Crossing(stop, start, (stop.direction,)))
         met = [each for c in crossings for each in (c.guards, c.event) if each is not None]
-        wanted = [*read_by(met), *read_by(part.stage)]
-        every = again(wanted, evaluations, self.network.types)
+        momentary = {name for name in self.located if is_momentary(network, name)}
+        calls = [call for call, _ in evaluations if isinstance(call, Call)]
+        parts = [c for c in calls if {switch.block for switch in c.gate.switches} & momentary]
+        inside = [signal.key for call in parts for signal in call.outputs]
+        wanted = [*read_by(met), *read_by(part.stage), *inside]
+        every = again(wanted, evaluations, network.types)
         blocks = {each.block for each in every if isinstance(each, Call)}
         edges = [times for name, times in self.edges.items() if name in blocks]
-        if not (crossings or edges):
+        is_left = any(network.entries[name].block.jumps for name in blocks & network.entries.keys())
+        is_left = is_left and network.events == "located"
+        if not (crossings or edges or is_left):
             return part
         return replace(
             part,
             crossings=tuple(crossings),
-            watch=again(read_by(met), evaluations, self.network.moving),
-            after=again(wanted, evaluations, self.changing),
+            watch=again(read_by(met), evaluations, network.moving),
+            after=(*again(wanted, evaluations, self.changing), *self.triggered(evaluations)),
             edges=padded(edges),
             log=MOST_EVENTS if self.observation.events else 0,
+            is_left=is_left,
         )
+
+    def triggered(self, evaluations: list[Evaluated]) -> Iterator[Operation]:
+        """What follows an event that triggers parts: their updates, and they are off again."""
+        for name in sorted(self.located):
+            entry = self.network.entries[name]
+            if not is_momentary(self.network, name) or entry.cls.spec.update is None:
+                continue
+            for other, above in sorted(self.switches.items()):
+                spec, switches = self.network.entries[other].cls.spec, [s.block for s in above]
+                if name in switches and spec.update is not None:
+                    yield self.call(other, spec.update, self.states[other], self.gate_of(other))
+            yield self.call(name, entry.cls.spec.update, self.states[name], self.gate_of(name))
+            yield from again([(name, "on")], evaluations, {(name, "on")})
 
     def is_located(self, stop: Stop) -> bool:
         """Whether the condition that ends the run may be met between two ticks."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from blocks.core import FloatArray, PartEnable
 from runtime.errors import GraphError, Problem
-from runtime.network import Network, Wire
+from runtime.network import Network, Wire, off_ticks
 from runtime.plan.values import Port, Signal
 
 # "level" is either direction, and the start if the guard is above zero there.
@@ -22,8 +22,6 @@ DIRECTIONS = {"rising": 1.0, "falling": -1.0, "either": 0.0, "level": LEVEL}
 MOST_EDGES = 10_000_000
 # Events that a run records at most.
 MOST_EVENTS = 1 << 20
-# A time within this share of a tick is the tick's.
-ON_TICK = 1e-9
 Wires = Mapping[Port, Sequence[Wire]]
 Switches = Mapping[str, Sequence[Signal]]
 
@@ -57,7 +55,7 @@ def changing(
         ports = [(name, port) for each in varying for port in each.outputs]
         found += ports if name in edged else []
         is_switch = name in guarded and network.holds(name)
-        momentary = [s for s in switches.get(name, ()) if _is_momentary(network, s.block)]
+        momentary = [s for s in switches.get(name, ()) if is_momentary(network, s.block)]
         for read in (signal.key for signal in momentary):
             readers.setdefault(read, []).extend(ports)
         if not (is_switch or spec.continuous or entry.is_memoryless):
@@ -110,14 +108,6 @@ def edges_between(network: Network, names: Iterable[str]) -> dict[str, FloatArra
     return found
 
 
-def off_ticks(times: FloatArray, dt: float) -> FloatArray:
-    """The times that are not at a tick."""
-    ticks = times / dt
-    rounding = np.maximum(ON_TICK, 4.0 * np.finfo(float).eps * np.abs(ticks))
-    off: FloatArray = times[np.abs(ticks - np.round(ticks)) > rounding]
-    return off
-
-
 def padded(edges: Sequence[FloatArray]) -> FloatArray:
     """All edges in order, and infinity up to a power of two: plans of other lengths are alike."""
     times = np.unique(np.concatenate([*edges, np.empty(0)]))
@@ -126,7 +116,8 @@ def padded(edges: Sequence[FloatArray]) -> FloatArray:
     return found
 
 
-def _is_momentary(network: Network, name: str) -> bool:
+def is_momentary(network: Network, name: str) -> bool:
+    """Whether a block runs its part at single times."""
     cls = network.entries[name].cls
     return issubclass(cls, PartEnable) and cls.momentary
 

@@ -22,16 +22,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.document import SECOND
 from runtime.plan.coupling import Coupling
-from runtime.plan.values import (
-    Argument,
-    GuardSlot,
-    Row,
-    Signal,
-    Slot,
-    Source,
-    StateArray,
-    Target,
-)
+from runtime.plan.values import Argument, GuardSlot, Row, Signal, Slot, Source, StateArray, Target
 
 
 @dataclass(frozen=True)
@@ -293,9 +284,9 @@ class Integrate:
         change there, and derivatives.
     projections : calls after each step that bring states back to where they are valid.
     crossings : events between two ticks, by block: each step ends at the first one in time.
-        ``watch`` computes what their guards and actions read, ``after`` what then changes.
-    edges : the times in a run at which sources jump, off the ticks, and infinity.
-    log : the number of events that are recorded at most.
+        ``watch`` computes what guards and actions read, ``after`` what then changes.
+    edges : when sources jump, off the ticks, and infinity. log : most events that are recorded.
+    is_left : the last stage of a step sees sources as they are just before the edge at its end.
     coupling : which rate depends on which state, for a solver that needs the Jacobian.
     """
 
@@ -311,6 +302,7 @@ class Integrate:
     coupling: Coupling | None = field(default=None, compare=False, repr=False)
     edges: FloatArray = field(default_factory=lambda: np.empty(0), compare=False, repr=False)
     log: int = 0
+    is_left: bool = False
 
     @property
     def block(self) -> str:
@@ -320,11 +312,11 @@ class Integrate:
     @property
     def colours(self) -> int:
         """How many evaluations the Jacobian takes; 0 for a solver that needs none."""
-        return 0 if self.coupling is None else self.coupling.count
+        return self.coupling.count if self.coupling else 0
 
     @property
     def ends_steps(self) -> bool:
-        """Whether steps end at events, or at edges of sources."""
+        """Whether steps end at events or edges."""
         return bool(self.crossings or len(self.edges))
 
     @property
@@ -347,8 +339,8 @@ class Integrate:
         lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
         lines += [f"  {each}" for each in (*self.stage, *self.projections)]
         if self.ends_steps:
-            watched = self.between[len(self.stage) + len(self.projections) :]
-            lines += ["until", *(f"  {each}" for each in watched)]
+            first = len(self.stage) + len(self.projections)
+            lines += ["until", *(f"  {each}" for each in self.between[first:])]
         return "\n".join(lines)
 
 

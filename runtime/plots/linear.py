@@ -54,7 +54,7 @@ class LinearSystem:
     @property
     def frequencies(self) -> FloatArray:
         """From a hundredth of the slowest pole to a hundred times the fastest, in rad per time."""
-        sizes = [abs(p) for p in self.rates if abs(p) > 1e-9] or [1.0]
+        sizes = _scales(self.rates) or [1.0]
         low, high = min(sizes) / 100.0, 100.0 * max(sizes)
         if self.period:
             high = math.pi / self.period
@@ -231,11 +231,20 @@ def draw_locus(
     return figure
 
 
+def _scales(rates: Complex) -> list[float]:
+    """The sizes of poles; one that is 0 but for rounding is an integrator's."""
+    sizes = np.abs(rates)
+    least = 1e-6 * float(sizes.max(initial=0.0))
+    return [float(each) for each in sizes if each > max(least, 1e-9)]
+
+
 def step_end(rates: Complex) -> float:
     """The time up to which a step response says something, of poles s."""
     # An undamped pole has no decay: it is shown for some of its periods. Integrators (poles at 0)
     # have no time scale. A mode that grows soon hides all others.
-    slowest = min((abs(p.real) or abs(p) / 20.0 for p in rates if abs(p) > 1e-9), default=1.0)
+    least = 1e-9 * max(_scales(rates), default=0.0)
+    sizes = [abs(p.real) if abs(p.real) > least else abs(p) / 20.0 for p in rates]
+    slowest = min((each for each in sizes if each > 1e3 * least), default=1.0)
     end = float(min(7.0 / slowest, 1e6))
     growth = max((p.real for p in rates), default=0.0)
     return min(end, math.log(GROWTH) / growth) if growth > 1e-6 else end

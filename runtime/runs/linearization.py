@@ -84,8 +84,7 @@ class Linearization:
     @property
     def is_stable(self) -> bool:
         """Whether all poles are in the left half plane, or inside of the unit circle."""
-        inside = np.abs(self.poles) < 1.0 if self.period else self.poles.real < 0.0
-        return bool(np.all(inside))
+        return is_inside(self.poles, bool(self.period))
 
     @property
     def moving(self) -> tuple[tuple[str, float], ...]:
@@ -131,6 +130,11 @@ class Linearization:
             "poles": [[float(p.real), float(p.imag)] for p in self.poles],
             "unsettled": [vars(each) for each in self.loose],
         }
+
+
+def is_inside(poles: npt.NDArray[Any], is_sampled: bool) -> bool:
+    """Whether all poles are in the left half plane, or inside of the unit circle."""
+    return bool((np.abs(poles) < 1.0).all() if is_sampled else (poles.real < 0.0).all())
 
 
 def sorted_poles(a: FloatArray, is_sampled: bool) -> npt.NDArray[np.complex128]:

@@ -1,19 +1,25 @@
 """Stability margins of a loop transfer function, and numbers of a step response.
 
-In: a :class:`Linearization` with one input and one output. Out: numbers by python-control (extra
-``control``). Of L = 1 / (s (s + 1)): no gain margin, a phase margin of 51.8 degrees at 0.786 rad/s.
+In: a :class:`Linearization` with one input and one output. Out: numbers, by python-control's
+evaluation of L and its ``step_info`` (extra ``control``). Of L = 1 / (s (s + 1)): no gain margin, a
+phase margin of 51.8 degrees at 0.786 rad/s.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.runs.linearization import Linearization, control
+from runtime.runs.linearization import Linearization, control, is_inside
+
+POINTS = 20_000
+NONE = (math.inf, math.nan)
 
 
 @dataclass(frozen=True)
@@ -48,17 +54,52 @@ def margins(loop: Linearization) -> Margins:
     MissingExtraError : python-control is not installed.
     """
     _single(loop, "margins")
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        numbers = control().stability_margins(loop.to_control())
-    gain, phase, modulus, gain_at, phase_at, modulus_at = (
-        math.nan if each is None else float(each) for each in numbers
-    )
-    delay = math.radians(phase % 360.0) / phase_at if math.isfinite(phase_at) else math.inf
+    system, w = loop.to_control(), _frequencies(loop)
+
+    def at(each: Any) -> Any:
+        return system(np.exp(1j * each * loop.period) if loop.period else 1j * each)
+
+    values = at(w)
+    real = _roots(lambda x: at(x).imag, w, values.imag)
+    gains = [(-1.0 / at(x).real, x) for x in real if at(x).real < 0.0]
+    if loop.period and values[-1].real < 0.0:
+        gains.append((-1.0 / values[-1].real, w[-1]))  # L is real at half the sampling rate
+    turns = [
+        ((np.degrees(np.angle(at(x))) + 360.0) % 360.0 - 180.0, x)
+        for x in _roots(lambda x: abs(at(x)) - 1.0, w, np.abs(values) - 1.0)
+    ]
+    gain, gain_at = min(gains, key=lambda each: abs(math.log(each[0])), default=NONE)
+    phase, phase_at = min(turns, key=lambda each: abs(each[0]), default=NONE)
+    delay = min((math.radians(p % 360.0) / x for p, x in turns), default=math.inf)
+    nearest = int(np.argmin(np.abs(1.0 + values)))
+    modulus = float(np.abs(1.0 + values[nearest]))
     closed = loop.a - np.outer(loop.b[:, 0], loop.c[0]) / (1.0 + loop.d[0, 0])
-    poles = np.linalg.eigvals(closed)
-    inside = np.abs(poles) < 1.0 if loop.period else poles.real < 0.0
-    return Margins(gain, gain_at, phase, phase_at, delay, modulus, modulus_at, bool(inside.all()))
+    is_stable = is_inside(np.linalg.eigvals(closed), bool(loop.period))
+    delay, modulus_at = float(delay), float(w[nearest])
+    return Margins(
+        *(float(gain), float(gain_at), float(phase), float(phase_at)),
+        *(delay, modulus, modulus_at, is_stable),
+    )
+
+
+def _frequencies(loop: Linearization) -> FloatArray:
+    """Frequencies (rad per time) far beyond those of all poles, densely.
+
+    python-control's own search solves for roots of polynomials in z, which are lost in rounding if
+    the sampling is fast: poles are then near 1, and those of integrators no longer at 1.
+    """
+    sizes = np.abs(loop.equivalent[np.isfinite(loop.equivalent)])
+    sizes = sizes[sizes > 1e-6 * sizes.max(initial=0.0)]
+    low, high = sizes.min(initial=1.0) / 1e3, 1e4 * sizes.max(initial=1.0)
+    return np.geomspace(low, math.pi / loop.period if loop.period else high, POINTS)
+
+
+def _roots(function: Callable[[float], float], w: FloatArray, values: FloatArray) -> list[float]:
+    """Where a function of frequency changes its sign."""
+    from scipy.optimize import brentq
+
+    changes = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
+    return [float(brentq(function, w[i], w[i + 1], rtol=1e-13)) for i in changes]
 
 
 def step_info(system: Linearization) -> dict[str, float]:

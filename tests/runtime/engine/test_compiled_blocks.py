@@ -338,6 +338,10 @@ CASES: dict[str, list[Case]] = {
     "Quantizer": elementwise(blocks.Quantizer(step=0.25, offset=0.1)),
     "RateLimiter": elementwise(blocks.RateLimiter(rising=5.0, falling=-30.0), "previous"),
     "Backlash": elementwise(blocks.Backlash(width=0.5, initial=0.3), "previous"),
+    "HitCrossing": [
+        Case(blocks.HitCrossing(level=0.2, direction=direction))
+        for direction in ("rising", "falling", "either")
+    ],
     "Relay": elementwise(blocks.Relay(switch_on=0.5, switch_off=-0.5, low=-1.0), "previous"),
     "LookupTable": [
         Case(blocks.LookupTable(x=[-1, 0, 0.5, 1], y=[0, 1, -1, 2], method=method, outside=outside))

@@ -230,6 +230,17 @@ def test_edges_are_where_they_are(engine: str, solver: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("start", [0.0, 0.0371])
+def test_saw_teeth_are_seen_from_the_left_before_they_fall(engine: str, start: float) -> None:
+    teeth = {"type": "Pulse", "period": 1.0, "rise": 1.0, "width": 0.0, "start": start}
+    blocks = {"teeth": teeth, "x": {"type": "Integrator"}}
+    run = {"dt": 0.1, "until": 5.0, "engine": engine}
+    area = 4 / 2 + (4.9 - start - 4.0) ** 2 / 2
+    found = recorded(blocks, {"x": {"input": "teeth.out"}}, "x.out", **run)[-1]
+    assert found == pytest.approx(area, abs=1e-8)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_limits_are_left_as_soon_as_the_input_turns(engine: str) -> None:
     """The integral of sin from 0 to 1.1 and back down to -0.7: 1.1 is met and left exactly."""
     blocks = {
@@ -276,3 +287,51 @@ def test_the_times_of_events_are_recorded(engine: str, tmp_path: Path) -> None:
     assert not np.any(result["switches"])  # all of them are of the first guard
     saved = runtime.runs.open_run(result.save(tmp_path / "run"))
     np.testing.assert_array_equal(saved.time("switches"), result.time("switches"))
+
+
+PART = """
+graph: part
+inputs: {x: Scalar}
+blocks:
+  on: {type: Trigger}
+  clock: {type: Clock}
+  stored: {type: Gain, gain: 1.0}
+  count: {type: DiscreteSystem, next: ["n + 1"], states: [n], initial: 0}
+wires:
+  on: {input: inputs.x}
+  stored: {input: clock.time}
+outputs: {t: stored.out, n: count.out}
+"""
+WHOLE = """
+graph: whole
+run: {dt: 0.1, until: 12, solver: dopri5, rtol: 1.0e-9}
+blocks:
+  x: {type: DynamicSystem, states: [x, v], derivative: [v, -x], initial: [0, -1], output: [x]}
+  part: {graph: part.yaml}
+wires: {part: {x: x.out}}
+probes: {t: part.t, n: part.n}
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_triggered_part_runs_where_the_sign_changes(engine: str, tmp_path: Path) -> None:
+    """x = -sin(t) rises through zero at pi and 3 pi; states inside are updated there, too."""
+    (tmp_path / "part.yaml").write_text(PART)
+    (tmp_path / "whole.yaml").write_text(WHOLE)
+    result = runtime.load(str(tmp_path / "whole.yaml")).run(engine=engine)
+    assert result.manifest["engine"] == engine
+    times = np.unique(np.ravel(result["t"]))
+    np.testing.assert_allclose(times, [0.0, math.pi, 3.0 * math.pi], atol=1e-7)
+    assert np.ravel(result["n"])[-1] == 1.0  # the second run of the part shows one update
+
+
+def test_a_pulse_shorter_than_a_tick_is_noted_where_nothing_is_continuous() -> None:
+    pulse = {"type": "Pulse", "period": 0.1, "width": 0.001}
+    blocks = {"pulse": pulse, "gain": {"type": "Gain", "gain": 1.0}}
+    document = {"run": {"dt": 0.01, "until": 1.0}, "blocks": blocks}
+    document["wires"] = {"gain": {"input": "pulse.out"}}
+    (note,) = [note for note in runtime.load(document).network.notes if "pulse" in note]
+    assert "0.001 s at dt = 0.01 s" in note
+    document["blocks"] = blocks | {"x": {"type": "Integrator"}}
+    document["wires"] = {"gain": {"input": "pulse.out"}, "x": {"input": "gain.out"}}
+    assert not [note for note in runtime.load(document).network.notes if "shorter" in note]

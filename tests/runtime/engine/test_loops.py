@@ -14,6 +14,7 @@ from scipy.optimize import brentq, fsolve
 import blocks as library
 import runtime
 from blocks.core import Block, BlockState, Input, Output, Scalar
+from runtime.cli.explain import explain_text
 
 ENGINES = ["python", "compiled"]
 
@@ -253,5 +254,6 @@ def test_the_plan_shows_the_loop_and_a_linearization_solves_it() -> None:
     }
     graph = load(made, wires, "x.out")
     assert "solve     for " in str(graph.program().plan)
+    assert "\nSolved for s.out: g.out ▸ s.terms[1] ▸ s.out ▸ g.input\n" in explain_text(graph)
     system = graph.linearize([], ["x.out"])
     np.testing.assert_allclose(system.a, [[-2 / 3]], rtol=1e-6)

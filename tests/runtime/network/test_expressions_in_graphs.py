@@ -138,3 +138,28 @@ def test_the_number_of_copies_is_a_param() -> None:
     for n in (1, 3, 6):
         expected = sum((1 + j) * (1 + 2 * j) for j in range(n))
         assert last(graph, params__n=n)[-1] == expected
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_events_of_vectors_are_reflections(engine: str) -> None:
+    ball = {
+        "type": "DynamicSystem",
+        "states": {"p(2)": "m", "v(2)": "m/s"},
+        "let": {"n": "p/norm(p)"},
+        "derivative": ["v", "zeros(2)"],
+        "initial": [0.2, 0.1, 1, 0.3],
+        "events": [{"when": "norm(p) > 1", "then": ["p", "v - 2*(v @ n)*n"]}],
+    }
+    graph = {
+        "run": {"dt": 0.01, "until": 6.0},
+        "blocks": {"ball": ball},
+        "probes": {"out": "ball.out"},
+    }
+    out = runtime.load(graph).run(engine=engine).probes["out"].values
+    at, speed = out[:, :2], out[:, 2:]
+    np.testing.assert_allclose(np.linalg.norm(speed, axis=1), np.hypot(1, 0.3), rtol=1e-13)
+    assert np.linalg.norm(at, axis=1).max() < 1 + 1e-9
+    # Reflections inside of a circle keep the angular momentum.
+    turning = at[:, 0] * speed[:, 1] - at[:, 1] * speed[:, 0]
+    np.testing.assert_allclose(turning, turning[0], atol=1e-9)
+    assert np.abs(np.diff(speed, axis=0)).max(axis=1).astype(bool).sum() >= 3

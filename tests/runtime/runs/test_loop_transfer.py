@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import blocks
 import runtime
 from runtime.errors import MissingExtraError, UsageError
 from runtime.plots.linear import step_end
@@ -53,6 +54,18 @@ def test_a_sampled_loop_that_is_cut() -> None:
     closest = np.abs(1.0 + 60.0 * plant(np.exp(0.01j * w))).min()
     assert got.modulus == pytest.approx(closest, rel=1e-4)
     assert got.sensitivity == pytest.approx(1.0 / closest, rel=1e-4)
+
+
+def test_integrators_that_are_sampled_fast_have_no_margins_by_rounding() -> None:
+    graph = runtime.load("gallery/balanced_pole").without("noise")
+    got = margins(graph.linearize(states={"cart.x": 0.0}, opened="lqr.command"))
+    assert got.is_stable
+    assert 0.1 < got.gain_at < 160.0
+    # With the gain of its margin, the loop is at the boundary.
+    for factor, stable in ((got.gain * 0.99, False), (got.gain * 1.01, True)):
+        scaled = graph.add("by", blocks.Gain(gain=factor)).connect("lqr.command", "by.input")
+        scaled = scaled.wire("cart.force", "by.out").wire("observer.control", "by.out")
+        assert scaled.linearize(states={"cart.x": 0.0}).is_stable == stable
 
 
 def test_a_component_of_a_command_is_cut_alone() -> None:

@@ -1,0 +1,50 @@
+"""Edges of sources that no tick shows.
+
+In goes a network, out come notes; times that are within a 1e-9th of a tick count as the tick's::
+
+    block 'pulse': 10 of its pulses or pauses are shorter than a tick, the shortest 0.001 s ...
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from blocks.core import FloatArray
+from runtime.network.network import Network
+
+ON_TICK = 1e-9
+
+
+def off_ticks(times: FloatArray, dt: float) -> FloatArray:
+    """The times that are not at a tick."""
+    times = times[np.isfinite(times)]  # a Ramp without an end has its end at infinity
+    ticks = times / dt
+    rounding = np.maximum(ON_TICK, 4.0 * np.finfo(float).eps * np.abs(ticks))
+    off: FloatArray = times[np.abs(ticks - np.round(ticks)) > rounding]
+    return off
+
+
+def edge_notes(network: Network) -> list[str]:
+    """The sources whose pulses are shorter than a tick, in a graph that sees ticks alone."""
+    is_continuous = any(entry.cls.spec.continuous for entry in network.entries.values())
+    notes = []
+    for name, entry in network.judged:
+        if (
+            entry.block_or_none is None
+            or not entry.block.stepwise
+            or (is_continuous and network.is_located(name))
+        ):
+            continue
+        times = np.unique(np.asarray(entry.block.edges(network.until), dtype=float))
+        times = times[(times >= 0.0) & (times < network.until)]
+        dt = network.dt * entry.every
+        spans = np.diff(times)
+        short = spans[spans < dt * (1.0 - ON_TICK)]
+        if not (len(short) and len(off_ticks(times, dt))):
+            continue
+        unit = network.time_unit
+        notes.append(
+            f"block '{name}': {len(short)} of its pulses or pauses are shorter than a tick, the "
+            f"shortest {short.min():.3g} {unit} at dt = {dt:g} {unit}: one lasts a tick, or is lost"
+        )
+    return notes
