@@ -248,6 +248,10 @@ class Block:
     def resume(self, state: BlockState) -> None:
         """Bring what ``start`` derived into line with states that come from an earlier run."""
 
+    def before_differences(self, state: BlockState) -> None:
+        """Prepare a state for a linearization, where outputs choose by the data what they compute:
+        a state that moves alone would choose otherwise."""
+
     def facts(self, state: BlockState) -> Mapping[str, float]:
         """Numbers about the started block that ``runtime explain`` shows, by name."""
         return {}

@@ -150,6 +150,10 @@ class Delay(_Ring):
         # The time of an earlier run, which this one begins anew.
         state.head[1] = -state.dt
 
+    def before_differences(self, state: BlockState) -> None:
+        # Straight lines between ticks, also before the first: there is no history to choose by.
+        state.moves = False
+
     def output(self, state: BlockState, t: float) -> Any:
         out = np.empty(state.size)
         if state.moves:

@@ -229,8 +229,11 @@ class Engine:
         held = dict(zip(names, self.state.held, strict=True))
         scope = {**self.namespace, **held, "k": 0, "t": 0.0}
         lines, self.lines = self.lines, self.program.first.lines
-        for piece in self.program.first.pieces:
-            if not self.state.stop[FOUND]:
+        for number, piece in enumerate(self.program.first.pieces):
+            if self.state.stop[FOUND]:
+                break
+            compiled = number == self.program.first.integration and self.exact is not None
+            if not (compiled and self.exact.integrate(scope)):  # type: ignore[union-attr]
                 exec(piece, scope)
         self.lines = lines  # of the other ticks; in a failure, those of this one remain
         return tuple(scope[name] for name in names)

@@ -186,6 +186,8 @@ class Point:
         exec(compile("\n".join(text.text) + "\n", FILENAME, "exec"), self.engine.namespace)
         namespace = self.engine.namespace
         self.functions = namespace["probe_tick"], namespace["probe_flow"]
+        for name, entry in self.engine.network.entries.items():
+            entry.block.before_differences(self.engine.state.blocks[name])
         self.saved = self.engine.state.checkpoint()
 
     @property

@@ -27,10 +27,14 @@ FILENAME = "<the plan>"
 
 @dataclass(frozen=True)
 class Code:
-    """Bytecode in pieces, and the block that each of its lines calls."""
+    """Bytecode in pieces, and the block that each of its lines calls.
+
+    integration : the piece that integrates, which compiled code can do instead; -1 for none.
+    """
 
     pieces: tuple[CodeType, ...]
     lines: Mapping[int, str]
+    integration: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +132,14 @@ class Program:
         if self._origin is not None:
             return self._origin.first
         printer = self.printer(checked=True)
-        pieces = printer.pieces(self.plan.operations)
-        return Code(tuple(compile(each, FILENAME, "exec") for each in pieces), printer.lines)
+        before = next(
+            (i for i, each in enumerate(self.plan.operations) if isinstance(each, Integrate)), None
+        )
+        pieces = list(printer.pieces(self.plan.operations[:before]))
+        number = -1 if before is None else len(pieces)
+        pieces += [] if before is None else printer.pieces(self.plan.operations[before:])
+        code = tuple(compile(each, FILENAME, "exec") for each in pieces)
+        return Code(code, printer.lines, number)
 
 
 def _is_same(one: Plan, other: Plan) -> bool:

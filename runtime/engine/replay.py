@@ -15,6 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from runtime.engine.beside import Beside
 from runtime.engine.events import FOUND
@@ -50,6 +51,28 @@ class ExactRunner:
     def locate(self, error: BaseException) -> tuple[int, str] | None:
         """The tick and the block that raised an exception in compiled code."""
         return None if self._python is not None else self.compiled.locate(error)
+
+    def integrate(self, scope: dict[str, Any]) -> bool:
+        """Integrate the first tick, whose outputs Python has checked; whether that could be done.
+
+        A form of a rate of change needs no check: compiled code has a type for it. With own blocks,
+        whose first ticks are compared with their Python form, this tick stays Python's.
+
+        Parameters
+        ----------
+        scope : the variables of the tick, changed where an event changes them.
+        """
+        if self.beside is not None:
+            return False
+        try:
+            saved = self.state.checkpoint()
+        except NotCopiedError:
+            return False
+        try:
+            return self.compiled.integrate(scope)
+        except CompiledError:
+            self.state.restore(saved)
+            return False
 
     def run(self, first: int, last: int, held: Held) -> Held:
         """Run ticks.

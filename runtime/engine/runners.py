@@ -63,6 +63,9 @@ class CompiledPlan(Runner, Protocol):
     def read(self, block: str, port: str) -> Any:
         """An output as it is now, in the form that Python blocks take."""
 
+    def integrate(self, scope: dict[str, Any]) -> bool:
+        """Integrate the first tick, if that is compiled; ``scope`` are its variables."""
+
 
 @dataclass(frozen=True)
 class RunContext:

@@ -20,6 +20,8 @@ from runtime.observation import Observation
 from runtime.plan import Port
 from runtime.runs.sampling import structure_of
 
+WRONG = (ArithmeticError, ValueError, LookupError)  # outside of a function's domain
+
 
 class OperatingPoint:
     """A graph at a time, with numbers that are added to some signals.
@@ -96,7 +98,15 @@ class OperatingPoint:
             columns[place] = array.ravel()
         u = self.u if len(point.offsets.first) else np.zeros(0)
         held = sum(point.sizes[:2])
-        columns[held:] = point.tick(0, columns, u)[0][held:]
+        try:
+            columns[held:] = point.tick(0, columns, u)[0][held:]
+            rates = point.flow(columns, u)[0]
+        except WRONG as error:
+            message = f"a block has no value at the operating point: {error}; choose another with "
+            raise UsageError(message + "--at or --state") from None
+        for i in np.flatnonzero(~np.isfinite(rates)):
+            message = f"the rate of change of {known[i]} has no value at the operating point"
+            raise UsageError(f"{message}; choose another with --at or --state")
         return columns
 
     def _check(self, point: Point) -> None:

@@ -14,6 +14,7 @@ PUSH = Path(__file__).parents[2] / "graphs" / "gallery" / "recorded_push.csv"
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.
 REQUIRED: dict[str, dict[str, Any]] = {
+    "MatrixMultiply": {"rows": 2, "inner": 3},
     "WaypointPath": {"points": [[0, 0], [1, 0], [1, 1], [0, 1]]},
     "Constant": {"value": 1.0},
     "Gain": {"gain": 2.0},

@@ -6,8 +6,6 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from runtime.arguments import add_json, at_least
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
@@ -201,6 +199,8 @@ def _figure(
     if options.rlocus:
         name, low, high = _range("--rlocus", options.rlocus)
         is_log = low > 0.0 and high >= 20.0 * low
+        import numpy as np
+
         values = (np.geomspace if is_log else np.linspace)(low, high, LOCUS_VALUES)
         poles = [
             _linearized(graph.set(name, float(v), origin="--rlocus"), options, states).poles

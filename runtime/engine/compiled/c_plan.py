@@ -48,6 +48,8 @@ from runtime.plan import (
 )
 from runtime.toolchain import TranslationUnit
 
+INTEGRATE = -1
+
 
 @dataclass
 class PlanText:
@@ -56,6 +58,7 @@ class PlanText:
     text : in C, without the support that every unit begins with.
     calls : by their number in ``at``.
     others : the units of the solver of a graph with continuous states, and of those of loops.
+    integrates : whether the integration is in C; the part INTEGRATE is nothing but that.
     driver : the Python loop around it, empty if nothing is called between its ``parts``; ``lines``
         maps its lines to the blocks that they call.
     """
@@ -66,6 +69,7 @@ class PlanText:
     others: list[TranslationUnit] = field(default_factory=list)
     driver: str = ""
     parts: int = 1
+    integrates: bool = False
     lines: dict[int, str] = field(default_factory=dict)
 
 
@@ -79,13 +83,21 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     parts, called = divided(plan, kernels)
     is_one = not any(isinstance(each, (Integrate, Solve)) for each in plan.operations)
     printer = EngineText(plan, names, kernels, has_locals=is_one and len(parts) == 1)
+    made = PlanText("", printer.struct, printer.calls, printer.others, parts=len(parts))
     for number, part in enumerate(parts):
-        if len(parts) == 1:
+        at = [i for i, each in enumerate(part) if isinstance(each, Integrate)]
+        made.integrates |= bool(at)
+        if len(parts) == 1 and not at:
             printer.operations(part)
             continue
-        with printer.block(f"if (low <= {number} && {number} < high)"):
-            printer.operations(part)
-    made = PlanText("", printer.struct, printer.calls, printer.others, parts=len(parts))
+        inside = f"low <= {number} && {number} < high"
+        for i in at:
+            with printer.block(f"if ({inside})"):
+                printer.operations(part[:i])
+            with printer.block(f"if (low == {INTEGRATE} || ({inside}))"):
+                printer.operations(part[i : i + 1])
+        with printer.block(f"if ({inside})"):
+            printer.operations(part[at[-1] + 1 :] if at else part)
     if called:
         driver = DriverText(plan, names, printer.struct)
         made.driver, made.lines = driver.loop(called), driver.lines

@@ -19,7 +19,7 @@ import numpy as np
 from blocks.core import BlockState
 from runtime.codegen import support
 from runtime.compiler import Kernel, plain
-from runtime.engine.compiled.c_plan import PlanText, c_plan
+from runtime.engine.compiled.c_plan import INTEGRATE, PlanText, c_plan
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.signals import FAILED, FINISHED, NOT_FINITE, STOPPED, UNSOLVED
@@ -237,6 +237,18 @@ class CompiledRunner:
         """Run ticks; the variables that it returns are for the engine, not for the next call."""
         self.drive(first, last)
         return tuple(self.read(*end) for end in self.slow)
+
+    def integrate(self, scope: dict[str, Any]) -> bool:
+        """Integrate the first tick, if that is compiled; ``scope`` are its variables."""
+        if not self.text.integrates:
+            return False
+        names = self.context.program.names.signals
+        known = {key: names[key] for key in self.struct.signals if names[key] in scope}
+        for key, name in known.items():
+            self.store(self.struct.signals[key], scope[name])
+        self._part(0, 1, low=INTEGRATE, high=INTEGRATE)
+        scope |= {name: self.read(*key) for key, name in known.items()}
+        return True
 
     def _part(self, first: int, last: int, low: int, high: int) -> None:
         ended = self.function(*self.addresses, first, last, low, high)

@@ -107,3 +107,11 @@ def test_the_command(cli: Run, tmp_path: Path) -> None:
     wrong = cli(*line, "-o", "bode.xyz")
     assert wrong.returncode == 2
     assert "expected a file that ends in" in wrong.stderr
+
+
+def test_a_point_without_a_value_is_an_error() -> None:
+    system = blocks.DynamicSystem(derivative="-sqrt(x[0])", initial=1.0)
+    graph = runtime.Graph(dt=0.01, until=1.0).add("tank", system)
+    assert graph.linearize().poles.real.tolist() == pytest.approx([-0.5], rel=1e-6)
+    with pytest.raises(UsageError, match="no value at the operating point.*--at or --state"):
+        graph.linearize(states={"tank.x": -1.0})

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 from scipy.linalg import expm
+from scipy.special import lambertw
 
 import blocks
 import runtime
@@ -166,6 +167,31 @@ def test_a_delay_of_whole_samples_is_poles_at_zero(delay: str) -> None:
     # At another time, when the ring of the delay begins elsewhere, it is the same system.
     later = graph.set("blocks.plant.x0", [0.0, 0.0]).linearize(["r.value"], ["plant.out"], at=0.07)
     np.testing.assert_allclose(later.a, found.a, atol=1e-9)
+
+
+@pytest.mark.parametrize("at", [0.0, 2.0])
+def test_a_delay_in_a_continuous_loop_is_seen_before_it_has_a_past(at: float) -> None:
+    """x' = -2 x(t - 0.105): s = W(-0.21) / 0.105, with half a tick more of delay for the hold."""
+    graph = runtime.load(
+        {
+            "run": {"dt": 0.002, "until": 3.0},
+            "blocks": {
+                "x": {"type": "Integrator", "initial": 0.0},
+                "late": {"type": "Delay", "delay": 0.105},
+                "k": {"type": "Gain", "gain": -2.0, "signal": "Scalar"},
+            },
+            "wires": {
+                "late": {"input": "x.out"},
+                "k": {"input": "late.out"},
+                "x": {"input": "k.out"},
+            },
+        }
+    )
+    found = graph.linearize(at=at)
+    exact, held_longer = (lambertw(-2.0 * tau).real / tau for tau in (0.105, 0.106))
+    slowest = found.equivalent[0]
+    assert slowest == pytest.approx(held_longer, rel=1e-4)
+    assert slowest == pytest.approx(exact, rel=1e-2)
 
 
 def test_a_part_that_is_off_holds() -> None:
