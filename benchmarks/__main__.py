@@ -32,6 +32,7 @@ from benchmarks import (
     physics,
     populations,
     start_up,
+    stiff,
     sweeps,
     whole_loop,
 )
@@ -152,6 +153,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: growth.section(rounds, quick=sizes is QUICK),
         lambda: start_up.section(rounds),
         lambda: continuous.section(rounds, quick=sizes is QUICK),
+        lambda: stiff.section(rounds, quick=sizes is QUICK),
         accuracy.section,
         lambda: language.section(rounds),
         lambda: compiling.section(rounds, quick=sizes is QUICK),
@@ -208,6 +210,7 @@ ALONE: dict[str, Callable[[int], str]] = {
     "growth": growth.section,
     "language": language.section,
     "start_up": start_up.section,
+    "stiff": stiff.section,
 }
 
 

@@ -45,6 +45,7 @@ class Levels(Overlaid):
     band: float | None = param(
         None, at_least=0.0, doc="shade from -band to band; default: that of a settling_time of `of`"
     )
+    events: str | None = param(None, doc="a probe of events, whose times are marked at the bottom")
 
 
 class Raster(Figure):

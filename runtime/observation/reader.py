@@ -373,6 +373,10 @@ class _Reader:
         options = {key: item.plain() for key, item in node.items() if key not in COMMON}
         if definition is not None:
             self.report(node, keys, address, check_options(definition, options, self.has_world))
+        marked, hits = options.get("events"), self.observation.events
+        if marked is not None and marked not in hits:
+            text = f"there is no probe of events '{marked}'{hint(str(marked), hits)}"
+            self.report(node, keys, address, [("events", text)])
         if node.get("labels") is not None:
             what = "a string for each line, as in [position, heading]"
             labels = strings(node.get("labels"), f"{address}.labels", what, self.problems)

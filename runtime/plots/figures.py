@@ -82,6 +82,8 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
             if plot.kind == "trajectory":
                 recordings += contacts(plot, [result])
             top = painter(figure, recordings, style.run_end(result))
+        if plot.options.get("events") in result.probes:
+            style.mark_times(figure, result.probes[plot.options["events"]].t)
         arrange(figure, top, plot)
         # Each of these steps needs what the one before did: titles need the axes' final labels,
         # formulas all texts, the look all sizes, the notes the width, and equal scales the space

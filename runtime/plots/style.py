@@ -75,6 +75,13 @@ STYLE: Any = {
 }
 
 
+def mark_times(figure: Figure, times: FloatArray) -> None:
+    """Mark times as short vertical lines at the bottom of all axes that show lines."""
+    for axes in [each for each in figure.axes if each.lines]:
+        places = axes.get_xaxis_transform()
+        axes.vlines(times, 0.0, 0.04, color="0.3", linewidth=0.8, transform=places, zorder=3.0)
+
+
 def shade_band(figure: Figure, band: float) -> None:
     """Shade the range from -band to band on all axes that show lines, and say so.
 
