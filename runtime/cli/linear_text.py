@@ -97,12 +97,11 @@ def margins_text(numbers: Mapping[str, float], unit: str) -> str:
         ("gain margin", _gain(numbers["gain"]), _at(numbers["gain_at"], unit)),
         ("phase margin", f"{numbers['phase']:.4g} deg", _at(numbers["phase_at"], unit)),
         ("delay margin", f"{numbers['delay']:.4g} {unit}", ""),
-        (
-            "largest sensitivity",
-            _gain(1.0 / numbers["modulus"]) if numbers["modulus"] else "inf",
-            _at(numbers["modulus_at"], unit),
-        ),
     ]
+    if numbers["is_stable"]:  # of an unstable loop, no sinusoid stays one
+        modulus = numbers["modulus"]
+        largest = _gain(1.0 / modulus) if modulus else "inf"
+        rows.append(("largest sensitivity", largest, _at(numbers["modulus_at"], unit)))
     verdict = "stable" if numbers["is_stable"] else "not stable: the margins are those to stability"
     return f"Margins, closed loop {verdict}\n" + table(rows)
 

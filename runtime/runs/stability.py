@@ -64,6 +64,8 @@ def margins(loop: Linearization) -> Margins:
     gains = [(-1.0 / at(x).real, x) for x in real if at(x).real < 0.0]
     if loop.period and values[-1].real < 0.0:
         gains.append((-1.0 / values[-1].real, w[-1]))  # L is real at half the sampling rate
+    if _is_finite_at_rest(loop) and at(0.0).real < 0.0:
+        gains.append((-1.0 / at(0.0).real, 0.0))  # as below a gain that holds an unstable plant
     turns = [
         ((np.degrees(np.angle(at(x))) + 360.0) % 360.0 - 180.0, x)
         for x in _roots(lambda x: abs(at(x)) - 1.0, w, np.abs(values) - 1.0)
@@ -92,6 +94,12 @@ def _frequencies(loop: Linearization) -> FloatArray:
     sizes = sizes[sizes > 1e-6 * sizes.max(initial=0.0)]
     low, high = sizes.min(initial=1.0) / 1e3, 1e4 * sizes.max(initial=1.0)
     return np.geomspace(low, math.pi / loop.period if loop.period else high, POINTS)
+
+
+def _is_finite_at_rest(loop: Linearization) -> bool:
+    """Whether L has no pole at frequency 0; a sampled integrator's may be off by rounding."""
+    sizes = np.abs(loop.equivalent[np.isfinite(loop.equivalent)])
+    return bool((sizes > 1e-6 * sizes.max(initial=0.0)).all())
 
 
 def _roots(function: Callable[[float], float], w: FloatArray, values: FloatArray) -> list[float]:

@@ -68,6 +68,32 @@ def test_integrators_that_are_sampled_fast_have_no_margins_by_rounding() -> None
         assert scaled.linearize(states={"cart.x": 0.0}).is_stable == stable
 
 
+@pytest.mark.parametrize("dt", [None, 0.01])
+def test_an_unstable_plant_has_a_smallest_gain(dt: float | None) -> None:
+    gain = {"type": "Gain", "gain": 90.0, **({} if dt is None else {"dt": dt})}
+    graph = runtime.load(
+        {
+            "run": {"dt": 0.001, "until": 1.0},
+            "blocks": {
+                "ref": {"type": "Constant", "value": 0.0},
+                "error": {"type": "Sum", "signs": [1, -1]},
+                "k": gain,
+                "p": {"type": "TransferFunction", "numerator": [1], "denominator": [1, 8, -62.1]},
+            },
+            "wires": {
+                "error": {"terms": ["ref.value", "p.out"]},
+                "k": {"input": "error.out"},
+                "p": {"input": "k.out"},
+            },
+        }
+    )
+    got = margins(graph.linearize(opened="k.out"))
+    # 1 + g / (s^2 + 8 s - 62.1) is stable for every g above 62.1.
+    assert got.is_stable
+    assert got.gain == pytest.approx(62.1 / 90.0, rel=1e-9)
+    assert got.gain_at == 0.0
+
+
 def test_a_component_of_a_command_is_cut_alone() -> None:
     graph = runtime.load(
         {
