@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from runtime.language.inlays import Hint, Lens, hints, lenses
     from runtime.language.insertion import Edit
     from runtime.language.isolation import Isolation
-    from runtime.language.model import Model, Surroundings
+    from runtime.language.model import Model
     from runtime.language.names import Place, Project, definition, references, rename, rename_span
     from runtime.language.offers import Offer
     from runtime.language.schemas import json_schema
     from runtime.language.signatures import Signature, signature
+    from runtime.language.surroundings import Surroundings
     from runtime.language.symbols import OutlineSymbol, folds, outline
     from runtime.language.text import SourceText, Span
 else:

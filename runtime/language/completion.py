@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from runtime.language.cursor import Cursor, cursor_at
 from runtime.language.keys import keys_at
 from runtime.language.model import Model
-from runtime.language.offers import Offer
+from runtime.language.offers import Offer, matches
 from runtime.language.text import Span
 from runtime.language.values import values_at
 
@@ -31,10 +31,10 @@ class Completion:
 
 def complete(model: Model, offset: int) -> Completion:
     """What may be written at an offset."""
-    cursor = cursor_at(model.text, model.root, offset)
+    cursor = cursor_at(model.text, model.root_at(offset), offset)
     if cursor is None:
         return Completion((), Span(offset, offset))
-    other_keys = {item.key for item in cursor.holder.items if item is not cursor.item}
+    other_keys = model.keys_beside(cursor.holder, cursor.item)
     if cursor.role == "key":
         candidates = (offer for offer in keys_at(model, cursor) if offer.label not in other_keys)
         offers = [_as_key(offer, cursor) for offer in candidates]
@@ -46,14 +46,6 @@ def complete(model: Model, offset: int) -> Completion:
     matching.sort(key=lambda offer: (offer.rank, not offer.label.startswith(cursor.prefix)))
     best = tuple(matching[:MAX_OFFERED])
     return Completion(best, cursor.span, len(best) == len(matching))
-
-
-def matches(prefix: str, label: str) -> bool:
-    """Whether all letters of a prefix occur in a label in that order."""
-    # Editors filter in the same way while typing goes on: "ter" matches "TrackingError" without a
-    # request.
-    letters = iter(label.lower())
-    return all(letter in letters for letter in prefix.lower())
 
 
 def _as_key(offer: Offer, cursor: Cursor) -> Offer:

@@ -15,33 +15,32 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from blocks.core import Block, Output, Same
-from blocks.registry import Modules
 from runtime.document import (
     PART_SECTIONS,
     SECTIONS,
     Node,
-    complete_document,
     decode,
     find_file,
     is_part,
-    parse_scalar,
     parse_yaml,
     read_file,
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import KEYS, check_experiment, is_experiment
 from runtime.graph import Content, Examination, Graph, examine
+from runtime.language.cut import Cut, cut, cut_again
 from runtime.language.items import YamlItem, deepest
 from runtime.language.scan import scan
+from runtime.language.surroundings import Surroundings
 from runtime.language.text import SourceText
+from runtime.language.versions import Edited, Version, agrees, edited, repaired
 from runtime.network import Network
 from runtime.observation import Observation
 
@@ -52,7 +51,6 @@ PORTS = ("inputs", "outputs")
 # Sections that hardly any other YAML has.
 OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
 _TOP = re.compile(r"^[{ ]?([A-Za-z_]\w*)\s*:", re.MULTILINE)
-MAX_BLOCKS = 50_000
 _OUTSIDE = "_outside_"
 
 
@@ -85,78 +83,8 @@ def _no_collection() -> Iterator[None]:
 
 
 @lru_cache(maxsize=128)
-def _parse_once(text: str, file: str) -> Node:
-    return parse_yaml(text, file)
-
-
-@lru_cache(maxsize=128)
 def _scan_once(text: str) -> YamlItem:
     return scan(text)
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What a file's meaning depends on besides itself.
-
-    unsaved : texts that editors hold, by resolved path; they take the place of the files.
-    modules : whether, or how, Python files that graphs name are read.
-    block_cache : blocks of earlier versions, by type and parameters.
-    longest : characters of a file that is read; None for any number.
-    """
-
-    unsaved: Mapping[Path, str] = field(default_factory=dict)
-    modules: Modules = False
-    block_cache: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
-    longest: int | None = None
-
-    def refusal(self, source: str) -> str:
-        """Why a file is not read; empty if it is."""
-        if self.longest is None or len(source) <= self.longest:
-            return ""
-        return (
-            f"nothing in this file is checked or completed here, since it has {len(source):,} "
-            f"characters, more than {self.longest:,}; 'runtime validate' checks it"
-        )
-
-    # Files that many texts extend are parsed once for all of them; the limit is the editor's, so it
-    # is checked here and not in the cache.
-    def _parse(self, text: str, file: str) -> Node:
-        if reason := self.refusal(text):
-            raise GraphError([Problem(Where(file), "", reason)])
-        return _parse_once(text, file)
-
-    def reusable_blocks(self) -> dict[tuple[type[Block], str], Block]:
-        """The blocks that were constructed for earlier versions of files; blocks never change."""
-        if len(self.block_cache) > MAX_BLOCKS:
-            self.block_cache.clear()
-        return self.block_cache
-
-    def complete(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
-        """A document with all that it extends and its parts, and what is wrong with those."""
-        return complete_document(document, path, self.unsaved, self._parse)
-
-    def text(self, path: Path) -> str | None:
-        """The text of another file; None if it cannot be read."""
-        unsaved = self.unsaved.get(path.resolve())
-        if unsaved is not None:
-            return unsaved
-        try:
-            return path.read_text(encoding="utf-8-sig", errors="replace")
-        except (OSError, ValueError):
-            return None
-
-    def load(self, name: str) -> Graph:
-        """A graph that an experiment names.
-
-        Raises
-        ------
-        GraphError : it cannot be read.
-        """
-        path = find_file(name, (NOWHERE, ""), Path())
-        document, problems = self.complete(self._parse(self.text(path) or "", str(path)), path)
-        if problems:
-            raise GraphError(problems)
-        return Graph.of_document(document, path, self.modules)
 
 
 class Model:
@@ -172,17 +100,17 @@ class Model:
         self,
         source: str,
         path: Path,
-        surroundings: Surroundings = Surroundings(),
+        surroundings: Surroundings | None = None,
         change: Change | None = None,
     ) -> None:
         self.text = SourceText(source)
         self.path, self.file = path, str(path)
-        self.surroundings, self.change = surroundings, change
+        self.surroundings, self.change = surroundings or Surroundings(), change
         self.memo: dict[str, Any] = {}  # what other modules derive from the file, by their keys
 
     @classmethod
     def of_file(
-        cls, name: str, surroundings: Surroundings = Surroundings(), change: Change | None = None
+        cls, name: str, surroundings: Surroundings | None = None, change: Change | None = None
     ) -> Model:
         """The model of a file, or of a shipped graph.
 
@@ -213,38 +141,66 @@ class Model:
         except GraphError as error:
             return error.problems
 
+    @cached_property
+    def cut(self) -> Cut | None:
+        """The text in pieces; None if it is to be read as a whole."""
+        if self.refusal or self.change is not None:
+            return None
+        # The pieces of the text before are nearly all of those of this one.
+        pieces, before = self.surroundings.pieces, self.surroundings.pieces.get(self.path)
+        source = self.text.source
+        now = cut(source) if before is None else cut_again(source, before)
+        if now is None:
+            pieces.pop(self.path, None)
+        else:
+            pieces[self.path] = now
+        return now
+
+    @cached_property
+    def _edited(self) -> Edited | None:
+        """What is wrong after an edit of a version that was right; None to check everything."""
+        version = self.surroundings.versions.get(self.path)
+        if version is None or self.cut is None:
+            return None
+        with _no_collection():
+            return edited(version, self.cut, self.path, self.surroundings.reusable_blocks())
+
+    def _remember(self, examination: Examination) -> None:
+        """Keep a version without problems, from which the next ones are checked."""
+        if self.cut is None or self.kind != "graph" or self.syntax or examination.problems:
+            return
+        # What is compared of a text that was read as a whole holds for its edits.
+        if self._edited is not None or agrees(self.cut, examination, self.document):
+            self.surroundings.versions[self.path] = Version(self.cut, examination)
+
+    def root_at(self, offset: int) -> YamlItem:
+        """The tree of the entry at an offset, if the text is in pieces; else of everything."""
+        items = None if self.cut is None else self.cut.items_at(offset)
+        return self.root if items is None else items
+
+    def keys_beside(self, holder: YamlItem, item: YamlItem | None) -> set[str]:
+        """The keys of a mapping but for one of its entries, which ``root_at`` may have alone."""
+        is_cut = self.cut is not None and holder.parent is not None
+        is_cut = is_cut and holder.parent is not None and holder.parent.parent is None
+        if self.cut is None or not is_cut or holder.key not in self.cut.sections:
+            return {each.key for each in holder.items if each is not item}
+        return {*self.cut.keys(holder.key)} - {item.key if item is not None else ""}
+
     @property
     def syntax(self) -> list[Problem]:
         """Why the file cannot be read as YAML; empty if it can."""
+        if self._edited is not None:
+            return self._edited.syntax
         return self._strict if isinstance(self._strict, list) else []
 
     @cached_property
     def tree(self) -> Node:
         """The file as the loader sees it; where it cannot be read, what was scanned of it."""
-        return self._strict if isinstance(self._strict, Node) else self._repair(self.root, 0)
-
-    # Completion needs the types of a graph that does not parse. So what was scanned goes to the
-    # same loader and checks, as if the rest had been written:
-    #     wires: {sum: {terms: [a.out,      becomes     {"wires": {"sum": {"terms": ["a.out"]}}}
-    # A key without a colon is left out: as an entry with the value null it would delete what
-    # "extends" brings. Of two equal keys the first counts; the second is probably being renamed.
-    def _repair(self, item: YamlItem, depth: int) -> Node:
-        where = self.text.where(item.start, self.file)
-        key = where if item.key_start < 0 else self.text.where(item.key_start, self.file)
-        if item.kind == "map":
-            entries: dict[str, Node] = {}
-            for inner in item.items:
-                if inner.colon >= 0 or inner.kind != "empty":
-                    entries.setdefault(inner.key, self._repair(inner, depth + 1))
-            return Node(entries, where, key)
-        if item.kind == "list":
-            return Node([self._repair(inner, depth + 1) for inner in item.items], where, key)
-        if item.kind == "empty" or item.quoted:
-            return Node(item.value if item.quoted else None, where, key)
-        try:
-            return Node(parse_scalar(item.value), where, key)
-        except ValueError:
-            return Node(0, where, key)
+        return (
+            self._strict
+            if isinstance(self._strict, Node)
+            else repaired(self.root, self.text, self.file)
+        )
 
     @property
     def is_ours(self) -> bool:
@@ -258,6 +214,8 @@ class Model:
     @cached_property
     def kind(self) -> Kind:
         """What the file describes."""
+        if self._edited is not None:
+            return "graph"
         tree = self.tree
         names = {name for name, _ in tree.items()}
         if is_experiment(tree):
@@ -302,6 +260,8 @@ class Model:
     @cached_property
     def document(self) -> Node:
         """The graph with all that it extends; a part stands in a graph of its own."""
+        if self._edited is not None and self._edited.examination.network is not None:
+            return self._edited.examination.network.document
         document = self._loading[0]
         return self._wrap_part(document) if self.kind == "part" else document
 
@@ -338,6 +298,9 @@ class Model:
     @cached_property
     def checked_graph(self) -> Examination:
         """The checked graph, as far as that goes."""
+        if self._edited is not None:
+            self._remember(self._edited.examination)
+            return self._edited.examination
         if self.kind in ("experiment", "world"):
             return Examination(self._check_other())
         classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
@@ -349,7 +312,9 @@ class Model:
             block_cache=self.surroundings.reusable_blocks(),
         )
         with _no_collection():
-            return examine(content, loops=True)
+            examination = examine(content, loops=True)
+            self._remember(examination)
+        return examination
 
     def _check_other(self) -> list[Problem]:
         if self.kind == "world":
@@ -404,7 +369,8 @@ class Model:
         if self.syntax:
             return self.syntax
         # Where "extends" failed, half a graph would be checked, and every wire would be an error.
-        loading = [] if self.kind in ("experiment", "world") else self._loading[1]
+        whole = self._edited is None and self.kind not in ("experiment", "world")
+        loading = self._loading[1] if whole else []
         problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
         if self.kind == "part":
             # A block may fail for want of what only the graph around a part gives.

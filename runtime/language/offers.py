@@ -35,6 +35,18 @@ class Offer:
         return self.insert or self.label
 
 
+def matches(prefix: str, label: str) -> bool:
+    """Whether all letters of a prefix occur in a label in that order."""
+    # Editors filter in the same way while typing goes on: "ter" matches "TrackingError" without a
+    # request.
+    position, label = -1, label.lower()
+    for letter in prefix.lower():
+        position = label.find(letter, position + 1)
+        if position < 0:
+            return False
+    return True
+
+
 def escape_snippet(text: str) -> str:
     """A string as it stands inside a snippet."""
     return re.sub(r"([$}\\])", r"\\\1", text)

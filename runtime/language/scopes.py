@@ -14,6 +14,7 @@ from blocks.core import Block, PortType, SignalType
 from blocks.registry import BLOCKS, BUILTIN
 from runtime.document import PART_SECTIONS, Node
 from runtime.language.model import Model
+from runtime.language.offers import matches
 from runtime.network import NetworkEntry, Scope, copy_name, fits, outputs_in
 
 Steps = tuple[str, ...]
@@ -102,19 +103,29 @@ def is_optional(model: Model, scope: Scope | None, name: str, port: str) -> bool
 
 
 def outputs_for(
-    model: Model, scope: Scope | None, consumer: str = "", components: bool = True
+    model: Model,
+    scope: Scope | None,
+    consumer: str = "",
+    prefix: str = "",
+    components: bool = True,
 ) -> Iterator[WireSource]:
-    """All that can be wired to a block of a scope, with the components of records."""
+    """All that can be wired to a block of a scope, with the components of records.
+
+    Left out is what does not match a prefix.
+    """
     network = model.network
     if network is None or scope is None:
         return
     for address, kind in outputs_in(network, scope, consumer):
+        if kind is not None and kind.form != "record" and not matches(prefix, address):
+            continue
         name, _, port = address.partition(".")
         cls = class_of(model, scope, name)
         declaration = cls.spec.outputs.get(port) if cls is not None else None
         if kind is None and declaration is not None and isinstance(declaration.type, SignalType):
             kind = declaration.type
-        yield WireSource(address, kind, declaration.doc if declaration is not None else "")
+        if matches(prefix, address):
+            yield WireSource(address, kind, declaration.doc if declaration is not None else "")
         if components and kind is not None and kind.form == "record":
             scalar = SignalType("Scalar", "scalar")
             for component, unit in zip(kind.components, kind.units, strict=False):

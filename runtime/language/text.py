@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from functools import cached_property
+from itertools import accumulate
 from typing import NamedTuple
 
 from runtime.errors import Where
@@ -19,6 +20,14 @@ _EDITOR_BREAK = re.compile("\r\n|[\n\r]")
 # YAML also breaks lines at NEL, LS and PS, which editors show as characters: the numbers of lines
 # in messages and in editors differ after one of these, so the two kinds are converted separately.
 _YAML_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+
+
+def _starts(source: str, line_break: re.Pattern[str]) -> list[int]:
+    """The offset of each line's first character."""
+    if not any(each in source for each in "\r\x85\u2028\u2029"):
+        # Many times as fast as the pattern, and nearly all texts.
+        return [0, *accumulate(len(line) + 1 for line in source.split("\n")[:-1])]
+    return [0, *(match.end() for match in line_break.finditer(source))]
 
 
 def _width(character: str, encoding: str) -> int:
@@ -46,11 +55,11 @@ class SourceText:
     @cached_property
     def starts(self) -> list[int]:
         """The offset of each line's first character, in an editor's lines."""
-        return [0, *(line_break.end() for line_break in _EDITOR_BREAK.finditer(self.source))]
+        return _starts(self.source, _EDITOR_BREAK)
 
     @cached_property
     def _yaml_starts(self) -> list[int]:
-        return [0, *(line_break.end() for line_break in _YAML_BREAK.finditer(self.source))]
+        return _starts(self.source, _YAML_BREAK)
 
     def line(self, number: int) -> str:
         """A line, from 0, without its break."""

@@ -45,7 +45,7 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     if section == "blocks" and len(names) >= 2:
         yield from _of_block(model, scope, names, cursor)
     elif section == "wires" and len(names) >= 2:
-        yield from _sources(model, scope, names[0], names[1])
+        yield from _sources(model, scope, names[0], names[1], cursor.prefix)
     elif section in ("plots", "metrics") and len(names) == 2:
         yield from _of_kind(model, scope, section, names[1], cursor)
     elif section == "probes" and (len(names) == 1 or names[1:] == ["of"]):
@@ -135,10 +135,12 @@ def _signal_types(model: Model) -> Iterator[Offer]:
             yield Offer(name, "type", ", ".join(kind.components), rank=0)
 
 
-def _sources(model: Model, scope: Scope | None, consumer: str, port: str) -> Iterator[Offer]:
+def _sources(
+    model: Model, scope: Scope | None, consumer: str, port: str, prefix: str
+) -> Iterator[Offer]:
     """What can be wired to an input, outputs of a fitting type first."""
     input_type = inputs_of(model, scope, consumer).get(port)
-    outputs = [*outputs_for(model, scope, consumer), *_own_outputs(model, scope, consumer)]
+    outputs = [*outputs_for(model, scope, consumer, prefix), *_own_outputs(model, scope, consumer)]
     yield from _addresses(outputs, input_type if isinstance(input_type, SignalType) else None)
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
-from blocks.core import Block
 from runtime.language import Isolation, Model, Project, Span, Surroundings
 
 SUFFIXES = (".yaml", ".yml")
 MAX_FILES = 1_000  # of a folder that are searched for the same names
-MAX_SIZE = 2**18  # characters; a larger text would take seconds at each edit
+MAX_SIZE = 2**21  # characters; a larger text would take half a minute to open
 SKIPPED = {"node_modules", "runs", "sweeps", "ablations", "__pycache__", "build", "dist"}
 
 
@@ -35,7 +35,8 @@ class Session:
     def __init__(self, server: LanguageServer, isolation: Isolation | None) -> None:
         self.server, self.isolation = server, isolation
         self.epoch = 0
-        self._made: dict[tuple[type[Block], str], Block] = {}
+        # What was found of earlier versions of the texts, for those that come after an edit.
+        self._earlier = Surroundings()
         self._models: dict[str, tuple[int, Model]] = {}
         self._surroundings: tuple[int, Surroundings] | None = None
 
@@ -59,7 +60,8 @@ class Session:
             texts = self.server.workspace.text_documents
             unsaved = {path_of(uri).resolve(): each.source for uri, each in texts.items()}
             modules = self.isolation.reader if self.isolation is not None else False
-            self._surroundings = (self.epoch, Surroundings(unsaved, modules, self._made, MAX_SIZE))
+            now = replace(self._earlier, unsaved=unsaved, modules=modules, longest=MAX_SIZE)
+            self._surroundings = (self.epoch, now)
         return self._surroundings[1]
 
     def model(self, uri: str) -> Model:
@@ -75,6 +77,7 @@ class Session:
     def closed(self, uri: str) -> None:
         """Forget a text that was closed."""
         self._models.pop(uri, None)
+        self._earlier.forget(path_of(uri))
         self.changed()
 
     def place(self, uri: str, line: int, character: int) -> tuple[Model, int]:

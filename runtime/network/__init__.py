@@ -10,6 +10,7 @@ room for each step, in this order:
     inference     signal types and lengths along the wires    (shapes)
     units         units that contradict each other            open_inputs: what lacks a wire
     enabling      parts that are switched                     initial: states of earlier runs
+    contexts      each block's check of its place             update: all of it for an edit of a few
 """
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
@@ -34,6 +35,7 @@ from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
 from runtime.network.scope import Scope
 from runtime.network.shapes import MAX_BYTES, whole_shape
+from runtime.network.update import Edit, closes_loop, near_to, update
 
 __all__ = [
     "BLOCK_KEYS",
@@ -41,6 +43,7 @@ __all__ = [
     "STATES",
     "AddressError",
     "BlockCache",
+    "Edit",
     "Endpoint",
     "Network",
     "NetworkEntry",
@@ -49,6 +52,7 @@ __all__ = [
     "Wire",
     "build",
     "check_output",
+    "closes_loop",
     "columns",
     "component_type",
     "copy_name",
@@ -62,6 +66,7 @@ __all__ = [
     "is_range",
     "is_variadic",
     "missing_block",
+    "near_to",
     "off_ticks",
     "ours_for",
     "outputs_in",
@@ -70,5 +75,6 @@ __all__ = [
     "resets",
     "source_file",
     "unknown_component",
+    "update",
     "whole_shape",
 ]

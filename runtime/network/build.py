@@ -91,7 +91,7 @@ def build(
     # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
     kinds = {**(kinds or {}), **written_types(document, problems)}
-    network = _with_blocks(network, classes or {}, kinds, problems, modules, block_cache)
+    network = construct_blocks(network, classes or {}, kinds, problems, modules, block_cache)
     wiring = Wiring(network, problems)
     network = replace(
         network,
@@ -103,19 +103,31 @@ def build(
     network = remove(network, problems)
     types, lengths = infer_types(network, problems)
     network = replace(network, types=types, lengths=lengths)
+    network, extra = judge(network, wiring, problems, can_run)
     if not problems.items:
-        notes = check_units(network, problems)
-        network = replace(network, notes=(*network.notes, *notes))
+        initial, notes = read_initial(network, problems)
+        network = replace(network, initial=initial, notes=(*network.notes, *notes))
+    return network, extra
+
+
+def judge(
+    network: Network, wiring: Wiring, problems: Problems, can_run: bool
+) -> tuple[Network, MissingExtraError | None]:
+    """The network with its notes and units, once its types are known; reports what is wrong.
+
+    ``can_run`` says whether ``run`` and ``world`` have no errors, without which no block can check
+    its context. Returns the extra that a block needs as well.
+    """
+    if not problems.items:
+        notes, units = check_units(network, problems)
+        network = network.changed(notes=(*network.notes, *notes), units=units)
     report_open_inputs(network, wiring, problems)
     notes = [*open_notes(network), *_unused_solver(network), *edge_notes(network)]
-    network = replace(network, notes=(*network.notes, *notes))
+    network = network.changed(notes=(*network.notes, *notes))
     check_enabling(network, problems)
     if not problems.items:
         report_open(network, problems)
     missing = check_contexts(network, problems) if can_run else None
-    if not problems.items:
-        initial, notes = read_initial(network, problems)
-        network = replace(network, initial=initial, notes=(*network.notes, *notes))
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
     return network, extra
 
@@ -183,7 +195,7 @@ class _Definition:
         return self.scope.path("blocks", self.name)
 
 
-def _with_blocks(
+def construct_blocks(
     network: Network,
     classes: Mapping[str, type[Block]],
     kinds: Mapping[str, SignalType],

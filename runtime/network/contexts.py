@@ -61,7 +61,7 @@ def check_contexts(network: Network, problems: Problems) -> MissingPackageError 
     """
     missing: MissingPackageError | None = None
     incomplete = _incomplete(network)
-    for name, entry in network.entries.items():
+    for name, entry in network.judged:
         if (
             entry.block_or_none is None
             or not network.is_typed(name)
@@ -99,7 +99,7 @@ def _incomplete(network: Network) -> set[str]:
     }
     untyped = {
         wire.block
-        for wire in network.wires
+        for wire in network.judged_wires
         if (wire.source.block, wire.source.port) not in network.types
     }
     return untyped | {block for block, _, _ in lost - removed}

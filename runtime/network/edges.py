@@ -28,15 +28,19 @@ def edge_notes(network: Network) -> list[str]:
     """The sources whose pulses are shorter than a tick, in a graph that sees ticks alone."""
     is_continuous = any(entry.cls.spec.continuous for entry in network.entries.values())
     notes = []
-    for name, entry in network.entries.items():
-        if entry.block_or_none is None or (is_continuous and network.is_located(name)):
+    for name, entry in network.judged:
+        if (
+            entry.block_or_none is None
+            or not entry.block.stepwise
+            or (is_continuous and network.is_located(name))
+        ):
             continue
         times = np.unique(np.asarray(entry.block.edges(network.until), dtype=float))
         times = times[(times >= 0.0) & (times < network.until)]
         dt = network.dt * entry.every
         spans = np.diff(times)
         short = spans[spans < dt * (1.0 - ON_TICK)]
-        if not (entry.block.stepwise and len(short) and len(off_ticks(times, dt))):
+        if not (len(short) and len(off_ticks(times, dt))):
             continue
         unit = network.time_unit
         notes.append(

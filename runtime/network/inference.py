@@ -12,6 +12,7 @@ A type variable or length is bound once and never changed, so the propagation en
 from __future__ import annotations
 
 from collections import defaultdict, deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType
@@ -36,16 +37,29 @@ MOST_FITTING = 4  # outputs that an error message names
 
 
 def infer_types(
-    network: Network, problems: Problems
+    network: Network,
+    problems: Problems,
+    wires: Sequence[Wire] | None = None,
+    open_names: Iterable[str] | None = None,
+    known: Iterable[str] = (),
 ) -> tuple[dict[tuple[str, str], SignalType], dict[str, dict[str, int]]]:
     """The types of ports, and each block's lengths by symbol, as far as blocks and wires determine
-    them; reports contradictions."""
+    them; reports contradictions.
+
+    Parameters
+    ----------
+    wires : those that are looked at; default all.
+    open_names : the blocks whose types are inferred; default all. known : those at the other ends
+        of the wires, whose types and lengths are the network's.
+    """
+    names = network.entries if open_names is None else open_names
     bindings = {
         name: _Bindings(dict(entry.block.variables), dict(entry.block.sizes()))
-        for name, entry in network.entries.items()
-        if entry.block_or_none is not None
+        for name in names
+        if (entry := network.entries[name]).block_or_none is not None
     }
-    inference = _Inference(network, bindings, problems)
+    bindings |= {name: _known(network, name) for name in known}
+    inference = _Inference(network, bindings, problems, network.wires if wires is None else wires)
     inference.infer()
     inference.report()
     types = {}
@@ -58,9 +72,21 @@ def infer_types(
     return types, {name: block.lengths for name, block in bindings.items()}
 
 
+def _known(network: Network, name: str) -> _Bindings:
+    """What was inferred of a block before."""
+    block = network.entries[name].block
+    port_types = {port: block.port_type(port) for port in block.spec.ports}
+    types = {
+        declared.variable: network.types[name, port]
+        for port, declared in port_types.items()
+        if isinstance(declared, Same) and (name, port) in network.types
+    }
+    return _Bindings(types, dict(network.lengths.get(name, {})))
+
+
 def report_open(network: Network, problems: Problems) -> None:
     """Report ports whose type is not determined, block by block."""
-    for name, entry in network.entries.items():
+    for name, entry in network.judged:
         spec = entry.cls.spec
         ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
         if ports and not network.waits(name):
@@ -84,7 +110,7 @@ def _open(network: Network, block: str, port: str, spec: BlockSpec) -> str:
         )
     alike = [name for name, declared in spec.inputs.items() if declared.type == kind]
     inputs = " or ".join(f"'{block}.{name}'" for name in alike or [port])
-    wired = {wire.port for wire in network.wires if wire.block == block}
+    wired = {wire.port for wire in network.into.get(block, ())}
     message = f"the length of '{block}.{port}' ({kind}) is open"
     if port in spec.inputs and not wired & {*alike}:
         message = f"'{block}.{port}' is not connected, and its length ({kind}) is open"
@@ -93,8 +119,7 @@ def _open(network: Network, block: str, port: str, spec: BlockSpec) -> str:
 
 def compatible(source: SignalType, target: SignalType) -> bool:
     """Whether a wire may join the two: equal types, or a scalar and a Vector(1)."""
-    pair = {str(source), str(target)}
-    return source == target or pair == {"Scalar", "Vector(1)"}
+    return source == target or {str(source), str(target)} == {"Scalar", "Vector(1)"}
 
 
 def _resolve(port_type: PortType, block: _Bindings) -> SignalType | None:
@@ -113,15 +138,20 @@ class _Inference:
     """Propagates types along the wires until nothing changes."""
 
     def __init__(
-        self, network: Network, bindings: dict[str, _Bindings], problems: Problems
+        self,
+        network: Network,
+        bindings: dict[str, _Bindings],
+        problems: Problems,
+        wires: Sequence[Wire],
     ) -> None:
         self.network = network
+        self.all_wires = wires
         self.bindings = bindings
         self.problems = problems
         self.outer = {wire.target: wire for wire in network.part_wires}
         self.wires = [
             wire
-            for wire in network.wires
+            for wire in wires
             if wire.block in bindings and wire.source.block in bindings and self.has_component(wire)
         ]
 
@@ -142,8 +172,8 @@ class _Inference:
     def width(self, wire: Wire) -> int:
         """The number of components that arrive at such an input; 0 if it is not known yet."""
         total = 0
-        for other in self.network.wires:
-            if (other.block, other.port) == (wire.block, wire.port):
+        for other in self.network.into[wire.block]:
+            if other.port == wire.port:
                 is_valid = other.source.block in self.bindings
                 kind = _concrete(self.arriving(other)) if is_valid else None
                 if kind is None or len(kind.shape) > 1:
@@ -278,7 +308,7 @@ class _Inference:
 
     def report(self) -> None:
         """Report wires whose ends have different types, and components that do not exist."""
-        for wire in (*self.network.wires, *self.network.part_wires):
+        for wire in (*self.all_wires, *self.network.part_wires):
             if wire.source.block not in self.bindings:
                 continue
             source = _resolve(self.out(wire), self.bindings[wire.source.block])
@@ -325,19 +355,25 @@ class _Inference:
         else:
             # The wire to a part ends at the part, which is no block.
             entries = map(self.network.entries.get, (wire.source.block, wire.block))
-            message += "".join(entry.block.instead(target) for entry in entries if entry)
+            if not target.symbol:  # a length that is open may be the right one
+                message += "".join(entry.block.instead(target) for entry in entries if entry)
             message += "" if because else self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
+
+    def kind(self, name: str, port: str, declared: PortType) -> SignalType | None:
+        """The type of an output, of a block that is looked at or of another."""
+        block = self.bindings.get(name)
+        return self.network.types.get((name, port)) if block is None else _resolve(declared, block)
 
     def fitting(self, wire: Wire, target: SignalType) -> str:
         """The outputs beside a block that have the type of its input, if the type is a rare one."""
         scope = wire.block.rpartition(".")[0]
         names = [
             f"{name.removeprefix(f'{scope}.')}.{key}"
-            for name, block in self.bindings.items()
+            for name, entry in self.network.entries.items()
             if name != wire.block and name.rpartition(".")[0] == scope
-            for key, port in self.network.entries[name].cls.spec.outputs.items()
-            if (kind := _resolve(port.type, block)) is not None and kind.name == target.name
+            for key, port in entry.cls.spec.outputs.items()
+            if (kind := self.kind(name, key, port.type)) is not None and kind.name == target.name
         ]
         is_rare = target.name not in ("Scalar", "Vector") and len(names) <= MOST_FITTING
         return f"; outputs of that type: {', '.join(names)}" if names and is_rare else ""

@@ -13,9 +13,10 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
 from blocks.world import World
@@ -145,6 +146,8 @@ class Network:
     removed_by : the name in ``without`` that removed a block: its own, or that of its part.
     removed_entries, removed_wires : removed blocks, and wires that went or moved with them.
     bypass_sources : output of a bypassed block to what is wired to the input it passes through.
+    units : (block, type variable) to the unit that it passes on, where one is known.
+    only : the blocks that are judged, where all others were found right before; None for all.
     """
 
     title: str
@@ -177,6 +180,22 @@ class Network:
     removed_entries: Mapping[str, NetworkEntry] = field(default_factory=dict)
     removed_wires: tuple[Wire, ...] = ()
     bypass_sources: Mapping[str, Endpoint] = field(default_factory=dict)
+    units: Mapping[Port, str] = field(default_factory=dict)
+    only: tuple[str, ...] | None = None
+
+    @property
+    def judged(self) -> Iterable[tuple[str, NetworkEntry]]:
+        """The blocks that are checked."""
+        if self.only is None:
+            return self.entries.items()
+        return ((name, self.entries[name]) for name in self.only)
+
+    @property
+    def judged_wires(self) -> Iterable[Wire]:
+        """The wires into blocks that are checked."""
+        if self.only is None:
+            return self.wires
+        return (wire for name in self.only for wire in self.into.get(name, ()))
 
     @property
     def ticks(self) -> int:
@@ -279,7 +298,7 @@ class Network:
             until=self.until,
             moving=self._moving_inputs(entry),
             located=self.is_located(name),
-            wired=frozenset(wire.port for wire in self._into.get(name, ())),
+            wired=frozenset(wire.port for wire in self.into.get(name, ())),
             sampled=entry.sampled,
             neighbour=lambda other: self._neighbour(entry, other),
         )
@@ -305,7 +324,7 @@ class Network:
     def _moving_inputs(self, entry: NetworkEntry) -> tuple[str, ...]:
         """The inputs that a block recalls and that move between ticks."""
         recalled = () if entry.block_or_none is None or entry.sampled else entry.block.recalls
-        into = self._into.get(entry.name, ()) if recalled else ()
+        into = self.into.get(entry.name, ()) if recalled else ()
         sources = [(w.port, (w.source.block, w.source.port)) for w in into if w.port in recalled]
         return tuple(dict.fromkeys(port for port, source in sources if source in self.moving))
 
@@ -315,13 +334,21 @@ class Network:
         if not spread:
             return flags
         widths = Counter(
-            wire.term for wire in self.driving if (wire.block, wire.port) == (name, port)
+            wire.term
+            for whole in self.into.get(name, ())
+            for wire in (self._spread(whole) if whole.port == port else ())
         )
         # A wire of three columns into an input that spreads counts as three terms.
         return tuple(flag for i, flag in enumerate(flags) for _ in range(widths[i] if flag else 1))
 
+    def changed(self, **changes: Any) -> Network:
+        """A copy with other values of some fields, but the same wires."""
+        network = replace(self, **changes)
+        network.__dict__["into"] = self.into
+        return network
+
     @cached_property
-    def _into(self) -> Mapping[str, list[Wire]]:
+    def into(self) -> Mapping[str, Sequence[Wire]]:
         """The wires into each block."""
         result: dict[str, list[Wire]] = {}
         for wire in self.wires:
@@ -332,7 +359,7 @@ class Network:
         """The inputs of a block that receive a published description, and from which output."""
         return [
             (wire.port, wire.source)
-            for wire in self._into.get(name, ())
+            for wire in self.into.get(name, ())
             if not wire.source.component
             and (entry := self.entries.get(wire.source.block)) is not None
             and entry.cls.spec.outputs[wire.source.port].publishes

@@ -63,11 +63,10 @@ def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> 
 def open_notes(network: Network) -> list[str]:
     """A note for each block that moves though nothing is wired to it: a plant without a command."""
     notes = []
-    wired = {wire.block for wire in network.wires}
-    for name, entry in network.entries.items():
+    for name, entry in network.judged:
         spec = entry.cls.spec
         open_ = {key: port for key, port in spec.inputs.items() if port.default is not None}
-        if name in wired or not open_ or not (spec.update or spec.derivative):
+        if network.into.get(name) or not open_ or not (spec.update or spec.derivative):
             continue
         values = [f"{key} is {port.default:g} {port.unit}".rstrip() for key, port in open_.items()]
         notes.append(f"{entry.address}: nothing is wired to it: {' and '.join(values)} throughout")
@@ -75,8 +74,8 @@ def open_notes(network: Network) -> list[str]:
 
 
 def _of_blocks(network: Network) -> Iterator[_Open]:
-    wired = {(wire.block, wire.port) for wire in network.wires}
-    for entry in network.entries.values():
+    wired = {(wire.block, wire.port) for wire in network.judged_wires}
+    for _, entry in network.judged:
         for name, port in entry.cls.spec.inputs.items():
             if not port.optional and (entry.name, name) not in wired:
                 kind = network.types.get((entry.name, name), port.type)

@@ -13,16 +13,16 @@ from blocks.core import Input, Same, differ
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.components import columns
-from runtime.network.network import Network, Wire
+from runtime.network.network import Network, Port, Wire
 
 INTENDED = "; if that is intended, a Gain on this wire gives it another unit"
 
 
-def check_units(network: Network, problems: Problems) -> list[str]:
+def check_units(network: Network, problems: Problems) -> tuple[list[str], dict[Port, str]]:
     """Report wires that are joined with one of another unit.
 
     Returns notes about wires whose unit differs from the one that their input declares, which
-    may be intended: a block may well take its factor as 1.
+    may be intended: a block may well take its factor as 1; and the units of type variables.
 
     Units are known where a port declares one and where a record's component has one. A generic
     block passes on the unit of its source, except for outputs with a unit of their own
@@ -30,7 +30,7 @@ def check_units(network: Network, problems: Problems) -> list[str]:
     """
     units = _Units(network, problems)
     units.check_joined()
-    return units.notes()
+    return units.notes(), units.units
 
 
 class _Units:
@@ -40,9 +40,10 @@ class _Units:
         self.network = network
         self.problems = problems
         self.joined: dict[tuple[str, str], list[Wire]] = defaultdict(list)
-        self.units: dict[tuple[str, str], str] = {}
+        # Those of blocks that are not judged are known.
+        self.units: dict[Port, str] = dict(network.units)
         following: dict[str, list[tuple[tuple[str, str], Wire]]] = defaultdict(list)
-        for wire in network.wires:
+        for wire in network.judged_wires:
             port_type = self.port(wire).type
             if isinstance(port_type, Same) and not port_type.own_unit:
                 key = (wire.block, port_type.variable)
@@ -75,7 +76,7 @@ class _Units:
 
     def notes(self) -> list[str]:
         notes = []
-        for wire in self.network.wires:
+        for wire in self.network.judged_wires:
             expected, unit = self.port(wire).unit, self.of(wire.source)
             if differ(unit, expected):
                 message = f"expected {expected}, got {unit} from '{wire.source_text}'{INTENDED}"

@@ -241,7 +241,7 @@ class TestOptions:
             ({"distence": 0.2}, "plots.p.distence: unknown key, did you mean 'distance'?"),
             ({"at": 3.0}, "plots.p.at: unknown key"),
             ({"distance": 0}, "plots.p.distance: expected a number above 0 m, got 0"),
-            ({"distance": "far"}, "plots.p.distance: expected a number above 0 m, got the text"),
+            ({"distance": "far"}, "plots.p.distance: expected a number above 0 m, got the string"),
             ({"body_radius": -1}, "plots.p.body_radius: expected a number above 0 m, got -1"),
             ({"engaged": "explore.engage"}, "plots.p.engaged: 'explore' has no output"),
             ({"engaged": "pose"}, "plots.p.engaged: expected one column, got 3; name one of them"),
