@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from blocks.core import Block
 from runtime.document import rate_text
 from runtime.engine import Engine, python_seconds
 from runtime.graph import Graph
-from runtime.plan import Call, Plan
+from runtime.plan import Call, Plan, Stop
 from runtime.runs import chosen_runner
 
 
@@ -67,6 +68,11 @@ def _continuous(plan: Plan) -> dict[str, Any] | None:
         "states": {str(slot): list(slot.shape) for slot in part.row.slots},
         "stages": [call.block for call in calls if call.outputs],
         "derivatives": [call.block for call in calls if call.rates],
+        "events": [
+            f"{each.block} (stop)" if isinstance(each.guards, Stop) else each.block
+            for each in part.crossings
+        ],
+        "edges": sum(map(math.isfinite, part.edges.tolist())),
     }
 
 
@@ -159,6 +165,8 @@ def _continuous_lines(facts: dict[str, Any]) -> list[str]:
         f"Integrated between ticks by {facts['solver']}",
         f"  states       {', '.join(states)}",
         f"  each stage   outputs of {again}; derivatives of {', '.join(facts['derivatives'])}",
+        *([f"  events of    {', '.join(facts['events'])}"] if facts["events"] else []),
+        *([f"  edges        {facts['edges']}, not at ticks"] if facts["edges"] else []),
     ]
 
 
