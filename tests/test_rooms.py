@@ -131,7 +131,7 @@ def names_in(node: ast.AST, module: str) -> list[str]:
     """The modules that one node of a text may import.
 
     A string that is the name of a module, or module:name, counts as an import of it, since such
-    strings are given to ``import_module``, to ``importer`` and to other processes.
+    strings are given to ``import_module`` and to other processes.
     """
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
