@@ -118,8 +118,8 @@ def _best(slopes: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray
     """The slope (rows,) that differs least from that of the next larger step, and its error.
 
     Of the first steps that agree: where a function is bounded, those of far larger steps agree
-    as well, on 0. And of those before the difference grows again: with x + sin(x), two steps that are
-    whole periods agree exactly, on the slope of x.
+    as well, on 0. And of those before the difference grows again: of x + sin(x), two steps that
+    are whole periods agree exactly, on the slope of x.
     """
     change = np.abs(np.diff(slopes, axis=0))
     size = np.fmax(np.abs(slopes[:-1]), np.abs(slopes[1:]))
