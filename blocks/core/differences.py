@@ -24,6 +24,7 @@ ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 CLEAR = 25.0  # times what rounding explains
 KINK = 1e-4  # a difference of the slopes of both sides, of the larger one
 AGREE = 0.1  # a difference of the slopes of two steps in one range, of a slope
+GROWN = 10.0  # a difference of the slopes of two steps, of the least so far
 SETTLED = 1e-3  # a difference of the slopes of two steps, of a slope
 WRONG = (ArithmeticError, ValueError, LookupError)  # outside of a function's domain
 
@@ -117,12 +118,15 @@ def _best(slopes: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray
     """The slope (rows,) that differs least from that of the next larger step, and its error.
 
     Of the first steps that agree: where a function is bounded, those of far larger steps agree
-    as well, on 0.
+    as well, on 0. And of those before the difference grows again: of x + sin(x), two steps that
+    are whole periods agree exactly, on the slope of x.
     """
     change = np.abs(np.diff(slopes, axis=0))
     size = np.fmax(np.abs(slopes[:-1]), np.abs(slopes[1:]))
     agree = change <= CLEAR * noise[:-1] + AGREE * size
-    left = np.logical_or.accumulate(np.logical_or.accumulate(agree) & ~agree)
+    least = np.minimum.accumulate(np.where(agree, change, np.inf), axis=0)
+    grows = change > GROWN * least + CLEAR * noise[:-1]
+    left = np.logical_or.accumulate(np.logical_or.accumulate(agree) & (~agree | grows))
     errors = np.where(agree & ~left, change + noise[:-1], np.inf)
     k, rows = np.argmin(errors, axis=0), np.arange(slopes.shape[1])
     return slopes[k, rows], errors[k, rows]

@@ -209,6 +209,7 @@ def single(text: str) -> str:
     )
     text = re.sub(r"\bdouble\b", "float", text)
     text = re.sub(rf"\b({'|'.join(MATH)})\(", r"\1f(", text)
+    text = re.sub(r"\bOF_ARGUMENTS\((\w+)\);", r"OF_ARGUMENTS(\1f);", text)
     return NUMBER.sub(lambda match: _single(match.group(1)), text)
 
 

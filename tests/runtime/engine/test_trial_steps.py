@@ -69,9 +69,7 @@ def test_the_first_step_is_estimated(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_smallest_step_fails_and_names_the_state(engine: str) -> None:
-    with pytest.raises(
-        SimulationError, match=r"derivative of state 'x\[0\]' is not finite"
-    ) as found:
+    with pytest.raises(SimulationError, match="derivative of state 'a' is not finite") as found:
         system(["-sqrt(a)"], [1.0], engine=engine, until=3.0).run()
     assert found.value.time == pytest.approx(2.0, abs=1e-3)
     assert math.isfinite(found.value.time)
