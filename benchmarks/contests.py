@@ -97,13 +97,13 @@ def tracking_contest(dt: float, ticks: int) -> tuple[Contest, float]:
     ------
     DisagreementError : the poses differ.
     """
-    found, _ = peers.installed()
+    found, _ = peers.installed(peers.PEERS)
     short: dict[str, Contestant] = {
         name: tracking.Ours(ticks, dt, engine) for name, engine in ENGINES.items()
     }
     short[NUMBA] = partial(by_hand.numba_tracking, ticks, dt)
     short[C] = partial(in_c.tracking, ticks, dt)
-    short |= {title: partial(poses, ticks, dt) for title, poses in found.items()}
+    short |= {title: partial(peer.poses, ticks, dt) for title, peer in found.items()}
     subject = f"tracking at {1e3 * dt:g} ms"
     apart = largest_difference(subject, run_all(short))
     contestants = {name: (run, ticks) for name, run in short.items()}

@@ -44,7 +44,7 @@ def case_a_section(contests: dict[int, Contest], rounds: int) -> str:
 
 
 def tracking_section(contests: dict[float, Contest], rounds: int) -> str:
-    _, missing = peers.installed()
+    _, missing = peers.installed(peers.PEERS)
     notes = "".join(f"* {peer.title}: {peer.note}.\n" for peer in peers.PEERS)
     skipped = "".join(f"* {title} is skipped: it {reason}.\n" for title, reason in missing.items())
     text = (

@@ -1,17 +1,18 @@
-"""The diagram without neurons in other packages, each wired as its users would.
+"""Other packages, each used as its users would.
 
-Every module has ``poses(steps, dt)``: builds, runs, and gives the seconds of the run alone with
-the pose at every step.
+The modules of PEERS have the diagram without neurons: ``poses(steps, dt)`` builds, runs, and gives
+the seconds of the run alone with the pose at every step. Those of SOLVER_PEERS have the problems of
+``benchmarks/problems.py``: ``solve(title, rtol)`` gives a Solved or raises NotImplementedError,
+SOLVERS names the solvers and NOTE says what is to be known.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-
-from benchmarks.agreement import Run
+from types import ModuleType
 
 
 @dataclass(frozen=True)
@@ -41,18 +42,24 @@ PEERS = (
 )
 
 
-def installed() -> tuple[dict[str, Callable[[int, float], Run]], dict[str, str]]:
-    """Peers that can run, and for each that cannot the reason."""
-    found: dict[str, Callable[[int, float], Run]] = {}
+SOLVER_PEERS = (
+    Peer("PathSim", "pathsim", "solve_in_pathsim"),
+    Peer("diffrax", "diffrax", "solve_in_diffrax"),
+)
+
+
+def installed(peers: Iterable[Peer]) -> tuple[dict[str, ModuleType], dict[str, str]]:
+    """Modules of the peers that can run, and for each that cannot the reason."""
+    found: dict[str, ModuleType] = {}
     missing: dict[str, str] = {}
-    for peer in PEERS:
+    for peer in peers:
         try:
             version(peer.package)
         except PackageNotFoundError:
             missing[peer.title] = "is not installed"
             continue
         try:
-            found[peer.title] = importlib.import_module(f"{__name__}.{peer.module}").poses
+            found[peer.title] = importlib.import_module(f"{__name__}.{peer.module}")
         except (ImportError, AttributeError) as error:
             missing[peer.title] = f"cannot be imported: {error}"
     return found, missing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,15 +66,15 @@ def test_tracking_by_hand_equals_the_python_engine(dt: float) -> None:
 def test_peers_that_are_installed_agree(title: str) -> None:
     peer = next(peer for peer in peers.PEERS if peer.title == title)
     pytest.importorskip(peer.package if peer.package != "drake" else "pydrake")
-    found, missing = peers.installed()
+    found, missing = peers.installed([peer])
     assert title not in missing
-    runs = {"numba": by_hand.numba_tracking(50, 0.01), title: found[title](50, 0.01)}
+    runs = {"numba": by_hand.numba_tracking(50, 0.01), title: found[title].poses(50, 0.01)}
     assert largest_difference("tracking", runs) <= TOLERANCE
 
 
-def test_a_peer_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "PEERS", (peers.Peer("nobody", "no-such-package", "in_nobody"),))
-    assert peers.installed() == ({}, {"nobody": "is not installed"})
+def test_a_peer_that_is_not_there_is_named() -> None:
+    nobody = peers.Peer("nobody", "no-such-package", "in_nobody")
+    assert peers.installed([nobody]) == ({}, {"nobody": "is not installed"})
 
 
 def straight(step: float) -> Run:
@@ -110,7 +111,8 @@ def test_nothing_is_written_where_implementations_part(
         raise AssertionError("timed before all agreed")
 
     monkeypatch.setattr(contests, "ENGINES", {contests.PYTHON: "python"})
-    monkeypatch.setattr(peers, "installed", lambda: ({"bent": partial(off, 1e-8)}, {}))
+    bent = SimpleNamespace(poses=partial(off, 1e-8))
+    monkeypatch.setattr(peers, "installed", lambda _: ({"bent": bent}, {}))
     monkeypatch.setattr(contests, "take_turns", timed)
     monkeypatch.setattr(command, "PAGE", tmp_path / "performance.md")
     monkeypatch.setattr("sys.argv", ["benchmarks", "1"])

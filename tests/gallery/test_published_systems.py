@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import integrate, signal
 
-from tests.gallery.test_published import recorded
+import runtime
+from tests.gallery.test_published import FOLDER, recorded
 
 ENGINES = ["python", "compiled"]
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}
@@ -88,7 +89,8 @@ def test_a_ball_with_drag_bounces_where_scipy_finds_the_floor(engine: str) -> No
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_two_populations_until_one_rises_through_a_level(engine: str) -> None:
-    times, out = recorded("populations_until", engine=engine)
+    result = runtime.load(FOLDER / "populations_until.yaml").run(engine=engine)
+    times, out = result.time("out"), result["out"]
 
     def rates(t: float, x: Any) -> list[float]:
         return [x[0] * (1 - 0.1 * x[1]), x[1] * (0.5 * x[0] - 1.2)]
@@ -101,6 +103,8 @@ def test_two_populations_until_one_rises_through_a_level(engine: str) -> None:
         *(rates, (0, 20), [5, 10], "DOP853"), dense_output=True, events=rises, **TIGHT
     )
     np.testing.assert_allclose(out, solved.sol(times).T, atol=1e-6)
+    assert result.manifest["stopped_at"] == pytest.approx(solved.t[-1], abs=1e-6)
+    assert solved.t[-1] == pytest.approx(5.20, abs=1e-2)
     assert solved.t[-1] - 0.1 < times[-1] <= solved.t[-1] + 1e-9
 
 
