@@ -74,11 +74,19 @@ def export(
     """
     check_name(name)
     network = graph.network
-    selection = select(network, graph.program().plan, named_blocks(network, blocks, others))
+    names = named_blocks(network, blocks, others)
+    switches = sorted(name for name in names if network.holds(name))
+    if switches:
+        # A controller decides on its ticks; so does the run that its test replays.
+        graph = graph.set("run.events", "ticks")
+        network = graph.network
+    selection = select(network, graph.program().plan, names)
     layout = _layout(graph, selection, name, hold)
     length = usual_ticks(selection) if ticks is None else min(ticks, network.ticks)
     replay = record(graph, selection, length)
     about = _about(graph, selection, float32)
+    if switches:
+        about.append(f"Events on ticks, as with run: {{events: ticks}}: {', '.join(switches)}.")
     layout, native = _measured(layout, about, replay, float32)
     tolerance, reason = _tolerance(native, float32)
     files = {

@@ -331,3 +331,10 @@ def test_the_wall_fitter_and_all_that_steers_by_it(tmp_path: Path) -> None:
     others = ["plant", "lidar", "fault", "explore"]
     export(graph, tmp_path, others=others, ticks=12_000)
     assert "12000 ticks" in replayed(tmp_path, "-O1", *SANITIZE)
+
+
+def test_a_switch_that_a_run_locates_decides_on_ticks(tmp_path: Path) -> None:
+    graph = runtime.load("gallery/thermostat")
+    exported = export(graph, tmp_path / "c", blocks=["heater"])
+    assert "Events on ticks, as with run: {events: ticks}: heater." in exported.report
+    assert "heater.out: largest difference 0\n" in exported.report
