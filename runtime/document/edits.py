@@ -18,7 +18,7 @@ from runtime.document.sections import PART_SECTIONS, SECTIONS
 from runtime.errors import GraphError, Problem, UsageError, Where
 
 # New entries may be added to these; blocks and run have fixed keys.
-OPEN_SECTIONS = ("params", "wires", "probes", "plots", "metrics")
+OPEN_SECTIONS = ("run", "params", "wires", "probes", "plots", "metrics")
 
 
 @dataclass(frozen=True)

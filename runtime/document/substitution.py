@@ -253,7 +253,8 @@ class _Filler:
         if param is not None and param.value is not None:
             self.used.add(name)
             self.work.substitute(name, param, node.where, address)
-            if name in self.failed:  # reported there
+            # Reported there: it fails itself, or names a param that the outer graph lacks.
+            if name in self.failed or any(True for _ in _references(param)):
                 self.problems.silence(param.where, address)
             return Node(param.value, param.where, node.key)
         if param is not None:

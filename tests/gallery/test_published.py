@@ -383,6 +383,7 @@ def test_a_noisy_phase_is_that_of_its_noise() -> None:
     assert steps.std() == pytest.approx(0.5 * math.sqrt(0.05), rel=0.1)
 
 
+@pytest.mark.slow
 def test_winding_up_reacts_later_than_back_calculation() -> None:
     """Behind its limit the integral grows; the controller without a limit turns round later."""
     times, free = recorded("pid_windup", 140.0)

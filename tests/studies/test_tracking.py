@@ -40,6 +40,7 @@ def loop(
 @pytest.mark.parametrize("clockwise", [False, True])
 @pytest.mark.parametrize("v_r", [1.0, pytest.param(0.5, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("model", ["paper", "exact"])
+@pytest.mark.slow
 def test_exact_feedforward_settles_on_a_circle(clockwise: bool, v_r: float, model: str) -> None:
     """alpha = v_r makes the circle an equilibrium: from beside it the error dies out."""
     side = -1.0 if clockwise else 1.0

@@ -75,6 +75,7 @@ def test_the_path_keeps_clear_of_the_walls_seen(
 
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.02])
+@pytest.mark.slow
 def test_rows_are_even_and_agree_with_each_other(
     views: list[tuple[Pose, np.ndarray]], side: str, sigma: float
 ) -> None:

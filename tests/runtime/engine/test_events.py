@@ -46,6 +46,7 @@ def test_a_ball_bounces_as_in_the_closed_form(engine: str, solver: str) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("solver", ["euler", "heun", "rk4", "dopri5"])
+@pytest.mark.slow
 def test_integrate_and_reset_loses_nothing(engine: str, solver: str) -> None:
     """x' = pi, back to 0 at 1: 314 resets in 100 s, and 100 pi - 314 left; events in a chain of
     blocks, where one makes the next one happen, as well."""

@@ -139,6 +139,7 @@ data:
 """
 
 
+@pytest.mark.slow
 def test_several_runs_and_the_numbers_written_into_the_file(arm: Path, cli: Run) -> None:
     table = np.loadtxt(arm / "push.csv", delimiter=",", skiprows=1)
     table[:, 1:] *= 2.0  # the system is linear

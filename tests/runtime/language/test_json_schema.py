@@ -129,6 +129,7 @@ def test_the_command_prints_it(cli: Run) -> None:
     assert json.loads(cli("schema").stdout) == json_schema()
 
 
+@pytest.mark.slow
 def test_a_copy_does_not_name_a_schema_that_is_not_beside_it(cli: Run, tmp_path: Path) -> None:
     assert cli("new", "mine.yaml").returncode == 0
     assert "$schema" not in (tmp_path / "mine.yaml").read_text(encoding="utf-8")

@@ -135,6 +135,7 @@ def test_the_scale_is_a_round_length_within_a_quarter_of_the_width(
     assert bar_length(width) == pytest.approx(length)
 
 
+@pytest.mark.slow
 def test_the_scale_bar_is_as_long_as_it_says(drawn: Path, run_folder: Path) -> None:
     pixels = np.asarray(Image.open(drawn / "render.png").convert("RGB")).astype(int)
     motion = recorded_motion(run_folder)

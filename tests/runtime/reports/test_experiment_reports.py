@@ -131,6 +131,7 @@ def test_the_table_of_an_ablation_agrees_with_its_index(
     assert groups == ["drawn", "total", "above_two [s]"]
 
 
+@pytest.mark.slow
 def test_an_ablation_shows_its_figure_and_a_diagram_for_each_variant(
     pages: dict[str, Path],
 ) -> None:

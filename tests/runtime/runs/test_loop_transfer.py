@@ -37,6 +37,7 @@ def test_a_cut_pid_loop_is_its_transfer_function() -> None:
     assert got.is_stable
 
 
+@pytest.mark.slow
 def test_a_sampled_loop_that_is_cut() -> None:
     """L(z) of a gain at 10 ms before the unstable plant, by scipy's zero-order hold."""
     graph = loop({"type": "Gain", "gain": 60.0, "dt": 0.01})
@@ -140,6 +141,7 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         runtime.load("gallery/pid_loop").linearize(opened="pid.out").to_control()
 
 
+@pytest.mark.slow
 def test_the_command_draws_each_figure(cli: Run, tmp_path: Path) -> None:
     for name, more in (
         ("margins", ["--open", "pid.out", "--margins"]),
