@@ -30,7 +30,9 @@ MOST = 1000  # indices that are shared, which a pipe holds
 
 
 def can_share() -> bool:
-    """Whether a fork is safe, and gains time: with one thread and two cores."""
+    """Whether a fork is safe, and gains time: on Linux, with one thread and two cores."""
+    if sys.platform != "linux":
+        return False
     return threading.active_count() == 1 and len(os.sched_getaffinity(0)) > 1
 
 
