@@ -56,7 +56,8 @@ class OperatingPoint:
         self.u = np.zeros(len(self.inputs))
         if cut is not None:
             # What readers get at the cut while the loop is closed.
-            value, start = self.value_of(Watched(replace(cut, component=""))), first[key]
+            value = self.value_of(Watched(replace(cut, component="")))
+            start = first[cut.block, cut.port]
             self.u[[start + i for i in components]] = value[list(components)]
         self.point = Point(engine, tick, self.structure.sampled, offsets, ends)
         self.columns = self._columns(self.point, states)

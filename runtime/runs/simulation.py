@@ -196,8 +196,8 @@ def _unlocated(events: Mapping[str, Sequence[str]], plan: Plan) -> list[str]:
     crossings = () if plan.integration is None else plan.integration.crossings
     located = {crossing.block for crossing in crossings}
     return [
-        f"probe '{name}': no event of '{block}' is between two ticks here, and none is recorded: its "
-        "input holds between ticks, no state is continuous, or run: {events: ticks} is set"
+        f"probe '{name}': no event of '{block}' is between two ticks here, and none is recorded: "
+        "its input holds between ticks, no state is continuous, or run: {events: ticks} is set"
         for name, blocks in events.items()
         for block in blocks
         if block not in located
