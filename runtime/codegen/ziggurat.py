@@ -74,11 +74,10 @@ def draws() -> str:
             *(lambda x: (-x).exp(), lambda y: -y.ln()),
             (EXPONENTIAL_W, EXPONENTIAL_K, EXPONENTIAL_F),
         )
-    tables = [
-        _array(f"{kind} {name}_{letter}", items)
-        for name, made in (("normal", normal), ("exponential", exponential))
-        for kind, letter, items in zip(("double", "uint64_t", "double"), "wkf", made, strict=True)
-    ]
+    tables = []
+    for name, (w, k, f) in (("normal", normal), ("exponential", exponential)):
+        tables += [_array(f"double {name}_w", w), _array(f"uint64_t {name}_k", k)]
+        tables.append(_array(f"double {name}_f", f))
     return text.replace("@tables@\n", "\n".join(tables))
 
 
