@@ -11,6 +11,13 @@ contains, in which ``$names`` are not filled in yet; or every problem with its p
 Every change returns a new tree that shares what it does not change.
 """
 
+from runtime.document.arrays import (
+    array_values,
+    arrays_beside,
+    arrays_in,
+    replace_arrays,
+    with_folder,
+)
 from runtime.document.edits import (
     Override,
     add_block,
@@ -96,6 +103,9 @@ __all__ = [
     "add_entry",
     "add_names",
     "add_wire",
+    "array_values",
+    "arrays_beside",
+    "arrays_in",
     "check_keys",
     "closest",
     "complete_document",
@@ -121,11 +131,13 @@ __all__ = [
     "read_graph",
     "read_run",
     "rename_files",
+    "replace_arrays",
     "seconds",
     "section",
     "set_entry",
     "set_wire",
     "shipped_graphs",
     "strings",
+    "with_folder",
     "without_unused",
 ]

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from blocks.core import hint
+from runtime.document.arrays import with_arrays
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, Value, from_python, parse_yaml
 from runtime.document.parse_errors import position
@@ -328,6 +329,7 @@ class _Loader:
     def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
         """Merge what the document extends, and inline the parts that its blocks name."""
         extends = document.get("extends")
+        document = with_arrays(document, self.problems, self.work)
         # Parts are inlined before the merge, since it asks whether an entry is the same part as the
         # one below (`part` is set by inlining).
         document = self.parts(document.with_item("extends", None), "blocks", above)
