@@ -105,6 +105,7 @@ def simulate(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
+    notes += _unlocated(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
@@ -188,6 +189,19 @@ def _events(
         *(name, table[:, 0], values, labels, units, ("Events",) * len(blocks), addresses),
         time_unit=time_unit,
     )
+
+
+def _unlocated(events: Mapping[str, Sequence[str]], plan: Plan) -> list[str]:
+    """Notes of blocks whose events a probe cannot record: they act on ticks in this graph."""
+    crossings = () if plan.integration is None else plan.integration.crossings
+    located = {crossing.block for crossing in crossings}
+    return [
+        f"probe '{name}': no event of '{block}' is between two ticks here, and none is recorded: "
+        "its input holds between ticks, no state is continuous, or run: {events: ticks} is set"
+        for name, blocks in events.items()
+        for block in blocks
+        if block not in located
+    ]
 
 
 def _begin_recording(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
