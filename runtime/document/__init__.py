@@ -50,6 +50,7 @@ from runtime.document.run_section import (
     Solver,
     Stop,
     read_run,
+    read_seed,
     seconds,
 )
 from runtime.document.scalars import parse_scalar
@@ -72,7 +73,7 @@ from runtime.document.sections import (
     section,
     strings,
 )
-from runtime.document.substitution import fill_sections, without_unused
+from runtime.document.substitution import INDEX, fill_sections, uses_index, without_unused
 from runtime.document.time_units import SECOND, TIME_UNITS, in_time, rate_text
 from runtime.document.writer import flow_yaml
 
@@ -81,6 +82,7 @@ __all__ = [
     "EXAMPLES",
     "FILE_KEYS",
     "FILE_SECTIONS",
+    "INDEX",
     "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
@@ -130,6 +132,7 @@ __all__ = [
     "read_file",
     "read_graph",
     "read_run",
+    "read_seed",
     "rename_files",
     "replace_arrays",
     "seconds",
@@ -138,6 +141,7 @@ __all__ = [
     "set_wire",
     "shipped_graphs",
     "strings",
+    "uses_index",
     "with_folder",
     "without_unused",
 ]

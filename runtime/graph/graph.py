@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from blocks.core import Block, SignalType
 from blocks.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
-    FILE_SECTIONS,
     Node,
     Override,
     Source,
@@ -19,9 +18,6 @@ from runtime.document import (
     add_entry,
     add_names,
     add_wire,
-    arrays_beside,
-    arrays_in,
-    dump_yaml,
     from_python,
     in_order,
     merge,
@@ -30,18 +26,15 @@ from runtime.document import (
     set_entry,
     set_wire,
 )
-from runtime.errors import GraphError, MissingExtraError, UsageError, Where
-from runtime.files import system_errors, write_whole
+from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import CheckedGraph, Content, check_content
-from runtime.network import Network, discretize, is_variadic, replace_block, source_file
+from runtime.graph.saving import as_text, save, with_modules, without_modules
+from runtime.network import Network, discretize, is_variadic, replace_block
 from runtime.observation import Observation
-from runtime.streaming import save_arrays
 
 if TYPE_CHECKING:
     from runtime.engine import Program
     from runtime.runs import Linearization, PreparedRun, Result, Trim
-
-MAX_TEXT = 100_000  # numbers of an array that a text may hold
 
 
 class Graph:
@@ -402,16 +395,9 @@ class Graph:
         )
 
     def to_dict(self, *, modules: bool = False) -> dict[str, Value]:
-        """The graph as plain values, sections in their usual order.
-
-        ``modules`` adds the file of each block whose class was given in Python.
-        """
+        """The graph as plain values; ``modules`` adds the files of classes that Python gave."""
         plain = in_order(self.document.plain())
-        for entry in plain.get("blocks", {}).values() if modules else ():
-            cls = self._content.classes.get(entry.get("type", ""))
-            if cls is not None and "module" not in entry:
-                entry["module"] = source_file(cls)
-        return plain
+        return with_modules(plain, self._content.classes) if modules else plain
 
     @property
     def texts(self) -> dict[str, bytes]:
@@ -425,47 +411,17 @@ class Graph:
         return {**self._content.files, **self.observation.files, **own}
 
     def to_yaml(self) -> str:
-        """The graph as YAML from which :func:`runtime.load` reads an equal graph.
-
-        Raises
-        ------
-        UsageError : an array has too many numbers for a text; :meth:`save` writes it to a file.
-        """
-        plain: dict[str, Any] = self.to_dict(modules=True)
-        for address, array in arrays_in(plain):
-            if not array.origin and array.values.size > MAX_TEXT:
-                message = f"{array.values.size} numbers are too many for a text"
-                raise UsageError(f"{address}: {message}; graph.save(FILE) writes them beside it")
-        return dump_yaml(plain)
+        """The graph as YAML from which :func:`runtime.load` reads an equal graph."""
+        return as_text(self.to_dict(modules=True))
 
     def save(self, path: str | Path) -> None:
-        """Write the graph to a file from which :func:`runtime.load` reads an equal one.
-
-        Arrays that were given in Python are written beside it: ``my.npz`` beside ``my.yaml``.
-
-        Raises
-        ------
-        UsageError : a file cannot be written.
-        """
-        path = Path(path)
-        archive = path.with_suffix(".npz")
-        plain, archives = arrays_beside(
-            self.to_dict(modules=True), archive.name, path.resolve().parent
-        )
-        with system_errors(f"write '{path}'"):
-            for arrays in archives.values():
-                save_arrays(archive, arrays)
-            write_whole(path, dump_yaml(plain))
+        """Write the graph to ``my.yaml``, and arrays that were given in Python to ``my.npz``."""
+        save(self.to_dict(modules=True), Path(path))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Graph) and self._comparable() == other._comparable()
-
-    def _comparable(self) -> dict[str, Any]:
-        plain: dict[str, Any] = self.to_dict()
-        for section in ("blocks", *FILE_SECTIONS):
-            for entry in plain.get(section, {}).values():
-                entry.pop("module", None)
-        return plain
+        return isinstance(other, Graph) and (
+            without_modules(self.to_dict()) == without_modules(other.to_dict())
+        )
 
     __hash__ = None  # type: ignore[assignment]
 
