@@ -43,6 +43,7 @@ from runtime.document.run_section import (
     Solver,
     Stop,
     read_run,
+    read_seed,
     seconds,
 )
 from runtime.document.scalars import parse_scalar
@@ -65,7 +66,7 @@ from runtime.document.sections import (
     section,
     strings,
 )
-from runtime.document.substitution import fill_sections, without_unused
+from runtime.document.substitution import INDEX, fill_sections, uses_index, without_unused
 from runtime.document.time_units import SECOND, TIME_UNITS, in_time, rate_text
 from runtime.document.writer import flow_yaml
 
@@ -74,6 +75,7 @@ __all__ = [
     "EXAMPLES",
     "FILE_KEYS",
     "FILE_SECTIONS",
+    "INDEX",
     "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
@@ -120,6 +122,7 @@ __all__ = [
     "read_file",
     "read_graph",
     "read_run",
+    "read_seed",
     "rename_files",
     "seconds",
     "section",
@@ -127,5 +130,6 @@ __all__ = [
     "set_wire",
     "shipped_graphs",
     "strings",
+    "uses_index",
     "without_unused",
 ]
