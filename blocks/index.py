@@ -150,6 +150,7 @@ OTHERS = {
     "LIF": "neural.lif",
     "PLACES": "neural.published_tuning",
     "AdaptiveLIF": "neural.lif",
+    "AdaptiveLIFRate": "neural.lif",
     "Izhikevich": "neural.models",
     "LIFRate": "neural.lif",
     "NeuronModel": "neural.neurons",
