@@ -97,16 +97,12 @@ def complete_document(
     return complete or document, loader.problems.items
 
 
-def _no_limit(entries: int) -> None:
-    """Set no limit."""
-
-
 def merge(
     base: Node,
     top: Node,
     section: str = "",
     key: str = "",
-    charge: Callable[[int], None] = _no_limit,
+    charge: Callable[[int], None] = lambda entries: None,
 ) -> Node:
     """Merge one tree over another: mappings merge, null deletes, everything else replaces.
 
