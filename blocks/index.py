@@ -55,6 +55,8 @@ TYPES = {
     "Sine": "sources.waveforms",
     "PinkNoise": "sources.noise",
     "Step": "sources.waveforms",
+    "Trials": "sources.trials",
+    "Vocabulary": "sources.trials",
     "WhiteNoise": "sources.noise",
     "WhiteSignal": "sources.noise",
     "AlgebraicConstraint": "generic.constraint",

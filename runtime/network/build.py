@@ -223,25 +223,23 @@ def construct_blocks(
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every, offset = sampling(node, definition.cls, network, definition.address, problems)
-        own_seed = None if "seed" in definition.cls.spec.params else node.get("seed")
-        seed = read_seed(own_seed, f"{definition.address}.seed", problems)
+        seed = _seed(definition, problems)
         sampled = node.get("dt") is not None
         if sampled and definition.cls.spec.continuous:
             message = "its states are continuous and integrated over every step; leave dt out"
             problems.add(node.where, f"{definition.address}.dt", message)
         entries[full] = NetworkEntry(
-            full,
-            scope,
-            node,
-            definition.cls,
-            block,
-            every,
-            sampled,
-            offset,
-            scope.seed if seed is None else seed,
+            full, scope, node, definition.cls, block, every, sampled, offset, seed
         )
         notes += block_notes
     return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
+
+
+def _seed(definition: _Definition, problems: Problems) -> int | None:
+    """A block's own seed, or that of a part around it; None for the run's."""
+    node = None if "seed" in definition.cls.spec.params else definition.node.get("seed")
+    seed = read_seed(node, f"{definition.address}.seed", problems)
+    return definition.scope.seed if seed is None else seed
 
 
 def _signal_types(

@@ -8,7 +8,7 @@ blocks, or found in the cache, and its struct filled with their addresses.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -98,7 +98,7 @@ def _built(
         text = c_plan(program.plan, program.names, {**others, **small})
         texts = dict.fromkeys(kernel.text for kernel in small.values())
         level = THOROUGH if small else QUICK
-        plan = TranslationUnit(PLAN, "\n".join([support(), *texts, text.text]), level)
+        plan = TranslationUnit(PLAN, _whole([*texts, text.text]), level)
         units = {kernel.text: kernel.unit for kernel in others.values()}
         try:
             library = builder.build([plan, *text.others, *units.values()], tell)
@@ -116,6 +116,12 @@ def _built(
         function.argtypes = [*[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4]
         function.restype = ctypes.c_int64
         return Template(kernels, text, function, library.compiled)
+
+
+def _whole(texts: Sequence[str]) -> str:
+    """The text of the plan's unit."""
+    text = "\n".join(texts)
+    return f"{support(text)}\n{text}"
 
 
 def _is_inlined(program: Program) -> bool:
