@@ -92,6 +92,7 @@ from blocks.core.signals import (
     signal_type,
 )
 from blocks.core.state_shapes import started, state_lengths, state_shape
+from blocks.core.stored_arrays import StoredArray
 from blocks.core.variants import Variant
 
 __all__ = [
@@ -141,6 +142,7 @@ __all__ = [
     "SignalType",
     "Spikes",
     "State",
+    "StoredArray",
     "TrackingState",
     "Twist",
     "TwistValue",
