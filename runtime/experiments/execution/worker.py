@@ -29,7 +29,7 @@ from runtime.experiments.design import Objective
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.files import write_whole
 from runtime.graph import Graph, load
-from runtime.observation import Metric
+from runtime.observation import CRASHED, Metric
 from runtime.runs import Result, simulate
 from runtime.streaming import row_blocks
 
@@ -149,7 +149,8 @@ def _values(metrics: list[Metric], result: Result, status: Status) -> dict[str, 
         return {}
     never = {m.name: math.inf for m in metrics if m.never and m.is_recorded(result.probes)}
     if status == "failed":
-        return {**never}
+        crashed = {m.name: 1.0 for m in metrics if m.own is None and m.kind == CRASHED}
+        return {**never, **crashed}
     return {
         name: never.get(name) if value is None else value for name, value in result.metrics.items()
     }
