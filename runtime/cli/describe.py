@@ -14,7 +14,7 @@ from blocks.registry import BUILTIN
 from runtime.cli.expressions_page import expressions_page
 from runtime.cli.public_api import listing
 from runtime.cli.shipped import shipped
-from runtime.descriptions import describe_markdown, option_text
+from runtime.descriptions import describe_markdown, option_text, settings_markdown
 from runtime.document import SHIPPED
 from runtime.language import json_schema
 from runtime.observation import (
@@ -137,7 +137,7 @@ def _types(text: str) -> str:
 def blocks_page() -> str:
     """The text of docs/blocks.md."""
     pages = [describe_markdown(cls) for cls in BUILTIN.values()]
-    return HEADER + "\n" + "\n".join(pages).rstrip() + "\n"
+    return HEADER + "\n" + "\n".join([*pages, settings_markdown(BUILTIN)]).rstrip() + "\n"
 
 
 def observing_page() -> str:

@@ -108,7 +108,7 @@ def test_blocks_are_listed_by_family_and_found_by_a_word(cli: Run) -> None:
     assert "UnitDelay" in found
     assert "LinePath" not in found
     assert cli("blocks", "--search", "zzzz").stderr == (
-        "no block type has 'zzzz' in its name or description\n"
+        "nothing has 'zzzz' in its name or description\n"
     )
 
 
