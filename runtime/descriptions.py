@@ -1,6 +1,6 @@
 """Descriptions of blocks and options, from their own declarations: as text, Markdown and data.
 
-In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks.md or as
+In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks or as
 plain data; nothing is written down twice::
 
     param_row("dt", LQR.spec.params["dt"])    # name, what is expected, default, documentation
@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 import sys
 from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -132,11 +134,15 @@ def describe_text(cls: type[Block]) -> str:
 
 
 def describe_markdown(cls: type[Block]) -> str:
-    """The description of a block for docs/blocks.md."""
-    first, _, rest = (inspect.getdoc(cls) or "").partition("\n")
-    lines = [f"## {cls.__name__}", "", first, ""]
-    if rest.strip():
-        lines += ["```text", rest.strip("\n"), "```", ""]
+    """The description of a block for its page in docs/blocks."""
+    paragraphs = (inspect.getdoc(cls) or "").split("\n\n")
+    lines = [f"## {cls.__name__}", ""]
+    for is_code, together in groupby(paragraphs, key=_is_code):
+        if is_code:
+            text = "\n\n".join(together).strip("\n").replace("``", "")
+            lines += ["```text", text, "```", ""]
+        else:
+            lines += [line for text in together for line in (_prose(text), "")]
     for title, rows in _tables(cls):
         lines += [f"| {title} | | | |", "|---|---|---|---|"]
         for name, kind, default, text in rows:
@@ -150,17 +156,33 @@ def describe_markdown(cls: type[Block]) -> str:
 
 
 def settings_markdown(known: Mapping[str, type[Block]]) -> str:
-    """What parameters choose from, for docs/blocks.md: a table for each kind of setting."""
-    lines = ["## Settings of parameters", ""]
+    """What parameters of these blocks choose from: a table for each kind of setting."""
+    lines = []
     for setting, users in settings(known).items():
         places = ", ".join(f"`{user}`" for user in users)
-        lines += [f"### {setting.__name__}", "", f"For {places}: {setting.expected}.", ""]
+        lines += [f"## {setting.__name__}", "", f"For {places}: {setting.expected}.", ""]
         lines += ["| form | parameters, with defaults | |", "|---|---|---|"]
         for form, given, _, doc in forms(setting):
             cells = (f"`{form}`", f"`{given}`" if given else "", doc)
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         lines.append("")
     return "\n".join(lines)
+
+
+# What Markdown would read as a mark in "K [along, lateral]", "s_i * x" or "<path>".
+MARKS = re.compile(r"([\\*_\[\]<>#~|$])")
+
+
+def _is_code(text: str) -> bool:
+    """Whether a paragraph of a docstring is a drawing, or equations below each other."""
+    rows = text.strip("\n").split("\n")
+    return rows[0].startswith("    ") or "─▶ [" in text or any("  " in row.strip() for row in rows)
+
+
+def _prose(text: str) -> str:
+    """A paragraph of a docstring in Markdown."""
+    parts = text.split("``")  # every second one is code
+    return "`".join(part if i % 2 else MARKS.sub(r"\\\1", part) for i, part in enumerate(parts))
 
 
 def describe_json(cls: type[Block]) -> dict[str, Any]:
@@ -227,7 +249,9 @@ def param_row(name: str, declared: Param) -> TableRow:
 def _plain(value: Any) -> Any:
     value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
     # JSON has no infinity; this is how a graph writes it.
-    return ".inf" if isinstance(value, float) and math.isinf(value) else value
+    if isinstance(value, float) and math.isinf(value):
+        return ".inf" if value > 0.0 else "-.inf"
+    return value
 
 
 def _default_text(value: Any) -> str:
