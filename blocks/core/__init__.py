@@ -93,6 +93,7 @@ from blocks.core.signals import (
     signal_type,
 )
 from blocks.core.state_shapes import started, state_lengths, state_shape
+from blocks.core.stored_arrays import StoredArray
 from blocks.core.variants import Variant
 
 __all__ = [
@@ -143,6 +144,7 @@ __all__ = [
     "SignalType",
     "Spikes",
     "State",
+    "StoredArray",
     "TrackingState",
     "Twist",
     "TwistValue",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 # At once: a neuron's model is looked up by its name among those that are imported.
-from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
+from blocks.neural.lif import LIF, AdaptiveLIF, AdaptiveLIFRate, LIFRate
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
 
 if TYPE_CHECKING:
@@ -31,5 +31,6 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
+__all__ += ["AdaptiveLIFRate"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
 __all__ += ["DecoderSolver", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]

@@ -304,13 +304,14 @@ class AdaptiveEnsemble(LearningEnsemble):
         voltage, refractory, dt = state.voltage, state.refractory, state.dt
         first, offset, fade = state.encoder_rows[0], state.offset, state.fade
         n, full = len(current), expm1(np.divide(-dt, state.constants[0]))
+        floor = state.constants[2]
         if len(input) > 1:
             add_up(current, state.encoder_rows, input)
         marks = np.empty(n, dtype=np.int64)
         for i in any_order(n):
             drive = (current[i] if len(input) > 1 else first[i] * input[0]) + offset[i]
             left = refractory[i] - dt
-            v = risen(voltage[i], drive, full if left <= 0.0 else 0.0)
+            v = risen(voltage[i], drive, full if left <= 0.0 else 0.0, floor)
             current[i], refractory[i], voltage[i], spikes[i] = drive, left, v, 0.0
             activity[i] *= fade
             marks[i] = marked(v, left, dt)

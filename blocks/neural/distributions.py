@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -121,7 +121,7 @@ class Distribution(Setting):
             self.fixed.setflags(write=False)  # shared by all runs of a graph
 
     @classmethod
-    def read(cls, written: Any) -> Distribution:
+    def read(cls, written: Any) -> Self:
         if isinstance(written, str) and written.partition("(")[0].strip() in {*ARRAYS, *CREATION}:
             try:
                 written = array_of(written)
@@ -144,7 +144,7 @@ class Distribution(Setting):
         return {kind.form: kind.doc for kind in KINDS.values()}
 
     @classmethod
-    def _parsed(cls, text: str) -> Distribution:
+    def _parsed(cls, text: str) -> Self:
         # Longer texts are refused before a regular expression works on them.
         match = _CALL.fullmatch(text[:LONGEST])
         known = ", ".join(kind.form for kind in KINDS.values())

@@ -7,6 +7,7 @@ Vectors (d,) and currents (n,) go in, the spikes of the last step (n,) come out:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, final
 
@@ -29,13 +30,17 @@ from blocks.core import (
 )
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.distributions import Distribution
+from blocks.neural.emission import emit_poisson, emit_regular, emit_stochastic
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
 from blocks.neural.rules import EncoderRule, Voja, follow, voja_step
 from blocks.neural.stacks import EnsembleStack
+from blocks.neural.synapses import Synapse, passed, remember
 
 # From this many dimensions, one product is faster than a loop over them.
 MANY_DIMENSIONS = 4
+# Distributions that both engines draw from in a step; "" are numbers.
+NOISES = ("", "normal", "uniform", "exponential")
 
 
 @final
@@ -45,6 +50,7 @@ class Ensemble(Block):
         input, current, learn ─▶ [ Ensemble ] ─▶ spikes
 
     Encoding  J = gain * (encoders @ x / radius + current) + bias,  x the sum of all inputs
+    Noise     J += h * (noise / sqrt(dt)), drawn on every tick for each neuron, h the noise_synapse
     Neurons   the model's step; a spike has an area of 1, rates are in Hz
     Learning  voja: e_i += kappa dt learn s_i (x - e_i), s the spikes through a lowpass
 
@@ -94,6 +100,10 @@ class Ensemble(Block):
         None, name="voltage", doc="initial voltages; default that of the model"
     )
 
+    noise: Distribution | None = param(
+        None, doc="noise current per root of s: normal, uniform, exponential, or numbers"
+    )
+    noise_synapse: Synapse = param("none", unit="s", doc="filter of the noise")
     learning: EncoderRule | None = param(None, doc="rule by which the encoders learn")
 
     current = State("total", name="drive", doc="input current J")
@@ -113,9 +123,11 @@ class Ensemble(Block):
         "per_group", "total", name="scaled_encoders", doc="gain * encoders / radius, as columns"
     )
     activity = State("learners", unit="1/s", doc="filtered spikes s, of a learning rule")
+    noisy = State("noise_order", "total", name="filtered_noise", doc="the noise_synapse's states")
 
     def sizes(self) -> dict[str, int]:
-        sizes = {"neurons": self.neurons}
+        order = self.noise_synapse.order if self.noise is not None else 0
+        sizes = {"neurons": self.neurons, "noise_order": order}
         if self.groups:
             sizes |= {"groups": self.groups, "total": self.neurons * self.groups}
         if self.dimensions is not None:
@@ -137,6 +149,9 @@ class Ensemble(Block):
         if (self.gain is None) != (self.bias is None):
             missing = "bias" if self.bias is None else "gain"
             raise ParameterError([(missing, "gain and bias go together; give both or neither")])
+        if self.noise is not None and self.noise.kind not in NOISES:
+            known = "normal, uniform or exponential, or numbers"
+            raise ParameterError([("noise", f"expected {known}, got {self.noise!r}")])
 
     def validate_in(self, context: BlockContext) -> None:
         d, groups = context.types["input"].shape[0], context.lengths["groups"]
@@ -153,6 +168,11 @@ class Ensemble(Block):
             self._drawn(np.random.default_rng(0), groups, d // groups)
         except ParameterError as error:
             problems += error.problems
+        if self.noise is not None and self.noise.fixed is not None:
+            try:
+                self.noise.draw(np.random.default_rng(0), self.neurons * groups)
+            except ValueError as error:
+                problems.append(("noise", str(error)))
         if problems:
             raise ParameterError(problems)
 
@@ -170,16 +190,43 @@ class Ensemble(Block):
         state.point, state.further = np.zeros((groups, d)), range(1, d)
         state.step, state.constants = type(self.neuron).step, self.neuron.constants
         state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
+        state.draws, state.emission = self.neuron.draws, self.neuron.emission
+        state.amplitude, state.scales = self.neuron.amplitude, self.neuron.amplitude != 1.0
+        self._start_noise(state)
         if isinstance(self.learning, Voja):
             state.rate = self.learning.learning_rate * state.dt
             state.share = share_of(self.learning.tau, state.dt)
         # From the states and not from what was drawn: `resume` brings it in line with older states.
         state.scale = state.gain / self.radius
 
+    def _start_noise(self, state: BlockState) -> None:
+        n, noise = len(state.drive), self.noise
+        state.noise = "" if noise is None else noise.kind or "numbers"
+        state.noise_a, state.noise_b = self.noise_synapse.matrices(state.dt)
+        # What is drawn is first + width times a standard number, at most `most`.
+        state.first, state.width, state.most, state.drawn = 0.0, 0.0, math.inf, np.zeros(n)
+        if noise is None:
+            return
+        root = math.sqrt(state.dt)
+        if noise.fixed is not None:
+            state.drawn[:] = noise.draw(state.rng, n)[:, 0] / root
+            return
+        given = noise.arguments
+        if noise.kind == "exponential":
+            width, first = given[0], given[1] if len(given) > 1 else 0.0
+            state.most = given[2] / root if len(given) > 2 else math.inf
+        else:
+            first, width = given
+            width -= first if noise.kind == "uniform" else 0.0
+        state.first, state.width = first / root, width / root
+
     def resume(self, state: BlockState) -> None:
         state.scale[:] = state.gain / self.radius
 
     def stack_key(self, context: BlockContext) -> Hashable:
+        # Random numbers are a block's own.
+        if self.noise is not None or self.neuron.emission in ("stochastic", "poisson"):
+            return None
         if self.learning is not None or self.neuron.stacked(self.neurons) is None:
             return None
         return self.neuron, self.neurons
@@ -221,7 +268,7 @@ class Ensemble(Block):
         rates = draw("max_rates", self.max_rates)[:, 0]
         intercepts = draw("intercepts", self.intercepts)[:, 0]
         encoders = draw("encoders", self.encoders, d)
-        start = self.voltage_start or Distribution.read(_number(self.neuron.initial_voltage))
+        start = self.voltage_start or Distribution.read(self.neuron.first_voltage)
         voltage = draw("voltage", start)[:, 0]
         lengths = np.linalg.norm(encoders, axis=1, keepdims=True)
         if not problems and not lengths.all():
@@ -319,15 +366,22 @@ class Ensemble(Block):
 
     def _step(self, state: BlockState, t: float, learn: float) -> None:
         """Advance the neurons by the currents of this step, and the encoders by their spikes."""
-        state.step(
-            state.dt,
-            state.drive,
-            state.fired,
-            state.voltage,
-            state.refractory,
-            state.recovery,
-            state.constants,
-        )
+        if state.noise != "":
+            self._disturb(state)
+        dt, drive, fired, voltage = state.dt, state.drive, state.fired, state.voltage
+        refractory, recovery, constants = state.refractory, state.recovery, state.constants
+        if state.draws:
+            state.step(dt, drive, fired, voltage, refractory, recovery, constants, state.rng)
+        else:
+            state.step(dt, drive, fired, voltage, refractory, recovery, constants)
+        if state.emission == "regular":
+            emit_regular(dt, fired, voltage)
+        if state.emission == "stochastic":
+            emit_stochastic(dt, fired, state.rng)
+        if state.emission == "poisson":
+            emit_poisson(dt, fired, state.rng)
+        if state.scales:
+            fired *= state.amplitude
         if state.learns:
             follow(state.activity, state.fired, state.share)
             rate = state.rate * learn
@@ -339,9 +393,18 @@ class Ensemble(Block):
                 flush(state.activity)
                 flush(state.scaled_encoders)
 
-
-def _number(text: str) -> str | float:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    def _disturb(self, state: BlockState) -> None:
+        """Add the noise of this tick to the currents."""
+        drawn = state.drawn
+        if state.noise != "numbers":
+            for i in range(len(drawn)):
+                if state.noise == "normal":
+                    drawn[i] = state.first + state.width * state.rng.standard_normal()
+                if state.noise == "uniform":
+                    drawn[i] = state.first + state.width * state.rng.random()
+                if state.noise == "exponential":
+                    number = state.first + state.width * state.rng.standard_exponential()
+                    drawn[i] = min(number, state.most)
+        now = passed(state.filtered_noise, state.noise_a, state.noise_b, drawn)
+        remember(state.filtered_noise, state.noise_a, state.noise_b, drawn, now)
+        state.drive += now

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from blocks.core import FloatArray, kernel_of, param, portable
 from blocks.core.polynomials import any_order, expm1, expm1_of, log1p, log1p_of
-from blocks.neural.neurons import NeuronModel, NeuronStep, independent
+from blocks.neural.neurons import NeuronModel, NeuronStep, RateModel, independent
 
 # From this many neurons, leaving out those that are awake for the whole step pays in Python.
 MANY = 301
@@ -58,7 +58,7 @@ def lif_steps(
     constants: FloatArray,
 ) -> None:
     """:func:`lif_step` of any number of populations of ``each`` neurons, with the same bits."""
-    tau_rc, tau_ref = constants.item(0), constants.item(1)
+    tau_rc, tau_ref, floor = constants.tolist()[:3]
     step, tau = np.array(dt), np.array(tau_rc)
     refractory -= step
     rise = np.subtract(current, voltage, out=spikes)  # written again below
@@ -84,7 +84,7 @@ def lif_steps(
     since *= tau
     since += np.array(tau_ref + dt)
     refractory[spiking] = since
-    np.maximum(voltage, ZERO, out=voltage)
+    np.maximum(voltage, np.array(floor), out=voltage)
     voltage[spiking] = 0.0
     spikes.fill(0.0)
     spikes[spiking] = 1.0 / dt
@@ -100,19 +100,19 @@ def _lif_kernel(
     recovery: FloatArray,
     constants: FloatArray,
 ) -> None:
-    n, full = len(voltage), expm1(np.divide(-dt, constants[0]))
+    n, full, floor = len(voltage), expm1(np.divide(-dt, constants[0])), constants[2]
     marks = np.empty(n, dtype=np.int64)
     for i in any_order(n):
         left = refractory[i] - dt
-        v = risen(voltage[i], current[i], full if left <= 0.0 else 0.0)
+        v = risen(voltage[i], current[i], full if left <= 0.0 else 0.0, floor)
         refractory[i], voltage[i], spikes[i] = left, v, 0.0
         marks[i] = marked(v, left, dt)
     wake_and_spike(dt, current, spikes, voltage, refractory, constants, marks)
 
 
-def risen(voltage: float, current: float, rise: float) -> float:
+def risen(voltage: float, current: float, rise: float, floor: float) -> float:
     """The voltage after a step, ``rise`` = expm1(-dt / tau_rc), in compiled code."""
-    return max(voltage - (current - voltage) * rise, 0.0)
+    return max(voltage - (current - voltage) * rise, floor)
 
 
 def marked(voltage: float, left: float, dt: float) -> int:
@@ -136,6 +136,7 @@ def wake_and_spike(
     are, and computed side by side from the list.
     """
     tau_rc, tau_ref, height = constants[0], constants[1], np.divide(1.0, dt)
+    floor = constants[2]
     few = np.flatnonzero(marks)
     rise, ratio = np.empty(len(few)), np.empty(len(few))
     for j in any_order(len(few)):
@@ -144,7 +145,7 @@ def wake_and_spike(
     expm1_of(rise)
     for j in range(len(few)):
         at = max(few[j], 0)
-        v = risen(voltage[at], current[at], rise[j])
+        v = risen(voltage[at], current[at], rise[j], floor)
         voltage[at], ratio[j] = v, np.divide(1.0 - v, current[at] - 1.0)
         marks[j] = 1 if v > 1.0 else 0
     fired = np.flatnonzero(marks[: len(few)])
@@ -206,6 +207,9 @@ class _Leaky(NeuronModel, abstract=True):
 class LIF(_Leaky):
     """Leaky integrate-and-fire: tau_rc V' = J - V; a spike where V passes 1, then silence."""
 
+    min_voltage: float = param(
+        0.0, at_most=0.0, finite=False, doc="least voltage, which inhibition cannot pass; or -inf"
+    )
     step = staticmethod(lif_step)
 
     def stacked(self, each: int) -> NeuronStep | None:
@@ -270,13 +274,46 @@ def _lif_rate_kernel(
         spikes[i] = rate if above > 0.0 else 0.0
 
 
-class LIFRate(_Leaky):
+class LIFRate(RateModel, _Leaky):
     """The steady rate of LIF neurons, without spikes."""
 
-    spiking = False
-    initial_voltage = "0"
-
     step = staticmethod(lif_rate_step)
+
+
+@independent
+def adaptive_lif_rate_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """LIF's rate at the current less the adaptation, which follows the rate."""
+    current -= recovery
+    lif_rate_step(dt, current, spikes, voltage, refractory, recovery, constants)
+    recovery += (dt / constants.item(2)) * (constants.item(3) * spikes - recovery)
+
+
+class _Adaptive(NeuronModel, abstract=True):
+    """Parameters of a current that spikes raise and that decays."""
+
+    tau_n: float = param(1.0, unit="s", above=0.0, doc="time constant of the adaptation")
+    inc_n: float = param(0.01, at_least=0.0, doc="adaptation per spike")
+
+    @property
+    def constants(self) -> FloatArray:
+        # Spikes are multiplied by the amplitude after the step, and the adaptation sees them so.
+        values = super().constants
+        values[-1] *= self.amplitude
+        return values
+
+
+class AdaptiveLIFRate(_Adaptive, LIFRate):
+    """LIF's rate at the current J - n, with tau_n n' = inc_n rate - n."""
+
+    step = staticmethod(adaptive_lif_rate_step)
 
 
 def adaptive_lif_step(
@@ -291,13 +328,10 @@ def adaptive_lif_step(
     """LIF of the current less the adaptation, which each spike raises and which decays."""
     current -= recovery
     lif_step(dt, current, spikes, voltage, refractory, recovery, constants)
-    recovery += (dt / constants.item(2)) * (constants.item(3) * spikes - recovery)
+    recovery += (dt / constants.item(3)) * (constants.item(4) * spikes - recovery)
 
 
-class AdaptiveLIF(LIF):
+class AdaptiveLIF(_Adaptive, LIF):
     """LIF of the current J - n, with tau_n n' = inc_n spikes - n (La Camera et al., 2004)."""
-
-    tau_n: float = param(1.0, unit="s", above=0.0, doc="time constant of the adaptation")
-    inc_n: float = param(0.01, at_least=0.0, doc="adaptation per spike")
 
     step = staticmethod(adaptive_lif_step)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from blocks.core import FloatArray, kernel_of, param, portable
-from blocks.neural.neurons import NeuronModel, independent
+from blocks.neural.neurons import NeuronModel, RateModel, independent
 
 # exp(700) is about 1e304: a rate below 1e-300 Hz, where exp(710) would overflow.
 LARGEST_EXPONENT = 700.0
@@ -33,11 +33,9 @@ class _Odd(NeuronModel, abstract=True):
         return gain, -gain * intercepts
 
 
-class _Saturating(_Odd, abstract=True):
+class _Saturating(RateModel, _Odd, abstract=True):
     """A rate that is a function of the current alone, and never 1 / tau_ref."""
 
-    spiking = False
-    initial_voltage = "0"
     tau_ref: float = param(0.0025, unit="s", above=0.0, doc="inverse of the largest rate")
 
     @property
@@ -103,11 +101,9 @@ def relu_step(
     spikes[...] = np.maximum(current, 0.0)
 
 
-class ReLU(_Linear):
+class ReLU(RateModel, _Linear):
     """A rate of max(J, 0)."""
 
-    spiking = False
-    initial_voltage = "0"
     step = staticmethod(relu_step)
 
 

@@ -6,10 +6,11 @@ A model is a short class. ``step`` advances all neurons by one step, in place::
 
 with arrays of one entry per neuron: the input ``current``, the ``spikes`` that it writes (1/dt for
 each spike, or a rate in Hz), up to three numbers per neuron that it keeps, and ``constants``, its
-parameters in the order in which they are declared. It is a plain function without ``self``, so
-that it can be compiled. ``rates`` gives the steady rates, from which decoders are solved; a model
-may leave it out. A graph names a model of one's own with its file,
-``neuron: {type: Mine, module: mine.py, ...}``.
+parameters in the order in which they are declared. A last argument ``rng``, the block's generator,
+is for models that draw: ``rng.random()`` and the other methods that both engines have. It is a
+plain function without ``self``, so that it can be compiled. ``rates`` gives the steady rates, from
+which decoders are solved; a model may leave it out. A graph names a model of one's own with its
+file, ``neuron: {type: Mine, module: mine.py, ...}``.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from blocks.core import FloatArray, Variant
+from blocks.core import FloatArray, Variant, param
+from blocks.neural.emission import EMISSIONS
 
 NeuronStep = Callable[..., None]
 # Seconds before and while spikes are counted, and the currents of a table of simulated rates.
@@ -50,11 +52,13 @@ class NeuronModel(Variant, root=True, registry="neurons"):
     initial_recovery: ClassVar[float] = 0.0
     step: ClassVar[NeuronStep]
 
+    amplitude: float = param(1.0, above=0.0, doc="what spikes, or rates, are multiplied by")
+
     def wrong(self) -> list[tuple[str, str]]:
         """Why the class itself is no neuron model."""
         step, name = inspect.getattr_static(type(self), "step", None), type(self).__name__
         taken = list(inspect.signature(type(self).step).parameters) if step is not None else []
-        if isinstance(step, staticmethod) and taken == STEP:
+        if isinstance(step, staticmethod) and taken in (STEP, [*STEP, "rng"]):
             return []
         written = "has none" if step is None else f"has step({', '.join(taken)})"
         if step is not None and not isinstance(step, staticmethod):
@@ -62,9 +66,32 @@ class NeuronModel(Variant, root=True, registry="neurons"):
         return [
             (
                 "",
-                f"a neuron model has '@staticmethod def step({', '.join(STEP)})'; {name} {written}",
+                f"a neuron model has '@staticmethod def step({', '.join(STEP)})', "
+                f"with a last 'rng' if it draws; {name} {written}",
             )
         ]
+
+    @property
+    def draws(self) -> bool:
+        """Whether the step takes random numbers."""
+        return len(inspect.signature(type(self).step).parameters) > len(STEP)
+
+    @property
+    def emission(self) -> str:
+        """How the step's rates become spikes (:mod:`blocks.neural.emission`); '' if they do not."""
+        return ""
+
+    @property
+    def first_voltage(self) -> str | float:
+        """The distribution of initial voltages, or the one number."""
+        try:
+            return float(self.initial_voltage)
+        except ValueError:
+            return self.initial_voltage
+
+    def responses(self, current: FloatArray) -> FloatArray:
+        """Steady rates times amplitude: what is decoded."""
+        return self.amplitude * self.rates(current)
 
     def rates(self, current: FloatArray) -> FloatArray:
         """Steady firing rates in Hz at constant currents, of the same shape.
@@ -98,8 +125,15 @@ class NeuronModel(Variant, root=True, registry="neurons"):
 
     @property
     def constants(self) -> FloatArray:
-        """The parameters as ``step`` takes them."""
-        return np.array([float(self.__dict__[name]) for name in self.declared])
+        """The parameters as ``step`` takes them: the numbers that the class itself declares."""
+        common = NeuronModel.declared
+        return np.array(
+            [
+                float(self.__dict__[name])
+                for name, declared in self.declared.items()
+                if declared != common.get(name) and declared.kind != "str"
+            ]
+        )
 
     def gain_and_bias(
         self, max_rates: FloatArray, intercepts: FloatArray
@@ -132,16 +166,36 @@ class NeuronModel(Variant, root=True, registry="neurons"):
         """Spikes per second over 1 s, after 0.1 s to settle, of neurons at constant currents."""
         flat = np.ascontiguousarray(current, dtype=float).reshape(-1)
         voltage, refractory = np.zeros(flat.size), np.zeros(flat.size)
-        if not self.initial_voltage.startswith("uniform"):
-            voltage[:] = float(self.initial_voltage)
+        if isinstance(self.first_voltage, float):
+            voltage[:] = self.first_voltage
         recovery = np.full(flat.size, self.initial_recovery)
         spikes, total = np.zeros(flat.size), np.zeros(flat.size)
-        constants = self.constants
+        constants, drawing = self.constants, (np.random.default_rng(0),) if self.draws else ()
         for k in range(round((SETTLING + COUNTING) / dt)):
-            type(self).step(dt, flat, spikes, voltage, refractory, recovery, constants)
+            type(self).step(dt, flat, spikes, voltage, refractory, recovery, constants, *drawing)
             if k >= round(SETTLING / dt):
                 total += spikes
         return np.asarray(total * dt / COUNTING).reshape(np.shape(current))
+
+
+class RateModel(NeuronModel, abstract=True):
+    """A model whose step gives rates: they are passed on, or ``spikes`` are made of them."""
+
+    spiking = False
+    initial_voltage = "0"
+
+    spikes: str = param(
+        "none", choices=("none", *EMISSIONS), doc="how spikes are made of the rates"
+    )
+
+    @property
+    def emission(self) -> str:
+        return "" if self.spikes == "none" else self.spikes
+
+    @property
+    def first_voltage(self) -> str | float:
+        # Where in its interval each neuron is, so that they do not spike at once.
+        return "uniform(0, 1)" if self.spikes == "regular" else super().first_voltage
 
 
 @lru_cache(32)

@@ -55,14 +55,14 @@ class Tuning:
 
     def rates(self, points: FloatArray, group: int = 0) -> FloatArray:
         """Steady firing rates (p, n) in Hz of a group's neurons at points (p, d)."""
-        return self.neuron.rates(self.currents(points, group))
+        return self.neuron.responses(self.currents(points, group))
 
     def table(self) -> FloatArray:
         """Encoders and responses (groups * n, d + 401): the rates (Hz) at :data:`PLACES`."""
         # Along its own encoder a neuron's current grows by gain times the encoder's length.
         lengths = np.sqrt(np.square(self.encoders).sum(axis=1))
         drive = (self.gain * lengths)[:, None] * PLACES + self.bias[:, None]
-        return np.hstack([self.encoders, self.neuron.rates(drive)])
+        return np.hstack([self.encoders, self.neuron.responses(drive)])
 
 
 def table_shape(lengths: Mapping[str, int]) -> tuple[int, int]:

@@ -41,7 +41,8 @@ class EnsembleStack:
         members, d, total = rows.shape
         groups = members * (total // n)
         self.block, self.fired = blocks[0], arrays["fired"]
-        self.state = _flat(states, arrays, "dt", "constants", "learns", "further")
+        common = ("dt", "constants", "learns", "further", "noise", "draws", "emission")
+        self.state = _flat(states, arrays, *common, "amplitude", "scales")
         self.state.step = blocks[0].neuron.stacked(n)
         # The encoders of a dimension are one row for all; without learning they stay what they are.
         grouped = rows.reshape(members, d, total // n, n).transpose(1, 0, 2, 3)

@@ -3,10 +3,12 @@
 Spikes (n,) go in, and those of the neurons behind (m,) for learning; a current (m,) comes out::
 
     w: {type: Weights, weights: "normal(0, 0.001)", learning: {rule: oja}}
+    ring: {type: Weights, weights: exp(cos(2*pi*(i - j)/n))/n, probability: 0.2, delay: 0.002}
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import final
 
@@ -24,27 +26,34 @@ from blocks.core import (
     Spikes,
     State,
     Vector,
+    kernel_of,
     param,
 )
 from blocks.core.portable import flush, flush_due, share_of
-from blocks.neural.distributions import Distribution
+from blocks.neural.connections import PerConnection
 from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step
 from blocks.neural.solving import decode
 from blocks.neural.synapses import Synapse, passed, remember
 
+LONGEST = 100.0  # s, of a delay
+
 
 @final
 class Weights(Block):
-    """A full matrix of weights from the spikes of one population to the currents of another.
+    """A matrix of weights from the spikes of one population to the currents of another.
 
         spikes, post, learn ─▶ [ Weights ] ─▶ current
 
-    Current   J = h * (W spikes), h the synapse
+    Current   J = h * (W spikes), h the synapse; with ``delay``, J_i of W_ij spikes_j(t - d_ij)
     Learning  bcm: W += kappa dt learn p (p - theta) s';
               oja: W += kappa dt learn (p s' - beta p^2 W);
               s and p the spikes before and after the weights through a lowpass of the rule's tau
 
     Wire ``current`` to an Ensemble's input of that name, and for learning its spikes to ``post``.
+    ``weights`` and ``delay`` are numbers, matrices, distributions, or rules of i, the neuron that a
+    connection leads to, of m, and j, the one that it comes from, of n: exp(cos(2*pi*(i - j)/n)).
+    With ``probability``, each connection exists with that chance, and one that does not never
+    learns. Delays are whole steps, one at least; rules of learning see spikes as they arrive here.
     """
 
     spikes = Input(Spikes("n"), doc="spikes before the weights")
@@ -52,12 +61,22 @@ class Weights(Block):
     learn = Input(Scalar, default=1.0, doc="factor on the learning rate: 0 pauses learning")
     current = Output(Vector("m"), doc="current into the neurons after the weights")
 
-    initial: Distribution = param(name="weights", doc="weights, a row per neuron they lead to")
+    initial: PerConnection = param(name="weights", doc="weights, a row per neuron they lead to")
+    probability: float | None = param(
+        None, at_least=0.0, at_most=1.0, doc="of each connection to exist; default all of them do"
+    )
+    delay: PerConnection | None = param(
+        None, unit="s", doc="from a spike to its current, one or for each weight; default none"
+    )
     synapse: Synapse = param(0.005, unit="s", doc="filter of the current")
     learning: WeightRule | None = param(None, doc="rule by which the weights learn")
 
     weights = State("m", "n", doc="the weights W")
     filtered = State("order", "m", doc="the synapse's states")
+    coming = State("slots", "m", ring="head", doc="currents that arrive in the next steps")
+    head = State(1, doc="how many steps were taken")
+    steps = State("delayed", "n", doc="delays in steps")
+    exists = State("some", "n", doc="1 where a connection exists, 0 elsewhere")
     before = State("n", unit="1/s", doc="filtered spikes s before the weights")
     after = State("m", unit="1/s", doc="filtered spikes p after the weights")
     theta = State("m", unit="1/s", doc="threshold of bcm")
@@ -66,6 +85,19 @@ class Weights(Block):
         sizes = {"order": self.synapse.order}
         if self.initial.fixed is not None and self.initial.fixed.ndim == 2:
             sizes["m"], sizes["n"] = self.initial.fixed.shape
+        return sizes
+
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        m = context.types["current"].shape[0]
+        sizes = {**self.sizes(), "slots": 0, "delayed": 0}
+        sizes["some"] = 0 if self.probability is None or self.learning is None else m
+        if self.delay is not None:
+            try:
+                longest = min(self.delay.largest(m, context.types["spikes"].shape[0]), LONGEST)
+            except ValueError:
+                longest = 0.0  # of a rule that fails, which `validate_in` reports
+            # One more than the longest, in steps: the slot of this step is still to be read.
+            sizes |= {"slots": max(1, round(longest / context.dt)) + 1, "delayed": m}
         return sizes
 
     def validate_in(self, context: BlockContext) -> None:
@@ -78,13 +110,30 @@ class Weights(Block):
             raise ParameterError([("learning", message)])
         m, n = context.types["current"].shape[0], context.types["spikes"].shape[0]
         # Drawn again in the run: this only finds a shape that does not fit, before anything runs.
-        try:
-            self.initial.draw(np.random.default_rng(0), m, n)
-        except ValueError as error:
-            raise ParameterError([("weights", str(error))]) from None
+        problems = []
+        for name, pattern in (("weights", self.initial), ("delay", self.delay)):
+            try:
+                drawn = np.zeros(1)
+                if pattern is not None:
+                    drawn = pattern.draw(np.random.default_rng(0), m, n)
+                if name == "delay" and pattern is not None:
+                    problems += _wrong_delays(drawn, pattern.largest(m, n))
+            except ValueError as error:
+                problems.append((name, str(error)))
+        if problems:
+            raise ParameterError(problems)
 
     def start(self, state: BlockState) -> None:
-        state.weights[...] = self.initial.draw(state.rng, *state.weights.shape)
+        shape = state.weights.shape
+        state.weights[...] = self.initial.draw(state.rng, *shape)
+        if self.probability is not None:
+            exists = state.rng.random(shape) < self.probability
+            state.weights *= exists
+            if len(state.exists) > 0:
+                state.exists[...] = exists
+        if self.delay is not None:
+            delays = self.delay.draw(state.rng, *shape)
+            state.steps[...] = np.clip(np.rint(delays / state.dt), 1, len(state.coming) - 1)
         state.a, state.b = self.synapse.matrices(state.dt)
         state.rule = "" if self.learning is None else self.learning.label
         state.rate = state.share = state.slow = state.beta = 0.0
@@ -100,7 +149,38 @@ class Weights(Block):
         return {"synapses": float(state.weights.size)}
 
     def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
-        return passed(state.filtered, state.a, state.b, decode(state.weights, spikes, 1))
+        return passed(state.filtered, state.a, state.b, self._arriving(state, spikes))
+
+    def _arriving(self, state: BlockState, spikes: FloatArray) -> FloatArray:
+        """The currents of this step, before the synapse."""
+        if len(state.coming) == 0:
+            return decode(state.weights, spikes, 1)
+        slot = int(state.head[0]) % len(state.coming)
+        arriving: FloatArray = state.coming[slot].copy()
+        return arriving
+
+    def _send(self, state: BlockState, spikes: FloatArray) -> None:
+        """Add the currents of these spikes to the steps in which they arrive."""
+        slots, now = len(state.coming), int(state.head[0])
+        state.coming[now % slots] = 0.0
+        rows = np.arange(len(state.weights))
+        for j in spikes.nonzero()[0].tolist():
+            at = (now + state.steps[:, j].astype(np.int64)) % slots
+            state.coming[at, rows] += state.weights[:, j] * spikes[j]
+        state.head[0] += 1.0
+
+    @kernel_of(_send)
+    def _send_kernel(self, state: BlockState, spikes: FloatArray) -> None:
+        slots, now = len(state.coming), int(state.head[0])
+        m = len(state.weights)
+        for i in range(m):
+            state.coming[now % slots, i] = 0.0
+        for j in range(len(spikes)):
+            if spikes[j] != 0.0:
+                for i in range(m):
+                    at = (now + int(state.steps[i, j])) % slots
+                    state.coming[at, i] += state.weights[i, j] * spikes[j]
+        state.head[0] += 1.0
 
     def update(
         self,
@@ -113,8 +193,10 @@ class Weights(Block):
     ) -> None:
         if len(state.b) > 0:
             # A first-order synapse's state is its output: only the second order needs its input.
-            decoded = current if len(state.b) == 1 else decode(state.weights, spikes, 1)
+            decoded = current if len(state.b) == 1 else self._arriving(state, spikes)
             remember(state.filtered, state.a, state.b, decoded, current)
+        if len(state.coming) > 0:
+            self._send(state, spikes)
         if len(post) > 0:
             follow(state.before, spikes, state.share)
             follow(state.after, post[0], state.share)
@@ -124,6 +206,8 @@ class Weights(Block):
                 bcm_step(state.weights, state.before, state.after, state.theta, rate)
             if state.rule == "oja":
                 oja_step(state.weights, state.before, state.after, rate, state.beta)
+            if len(state.exists) > 0:
+                state.weights *= state.exists
         if flush_due(t, state.dt):
             flush(state.filtered)
             flush(state.before)
@@ -131,3 +215,13 @@ class Weights(Block):
             flush(state.theta)
             if state.rule != "":
                 flush(state.weights)
+
+
+def _wrong_delays(drawn: FloatArray, longest: float) -> list[tuple[str, str]]:
+    """What is wrong with delays (s)."""
+    if not math.isfinite(longest) or longest > LONGEST:
+        message = f"expected delays up to {LONGEST:g} s, so that their currents can be kept"
+        return [("delay", f"{message}, got a largest one of {longest:g}")]
+    if drawn.min() < 0.0:
+        return [("delay", f"expected delays of 0 or more, got {drawn.min():g}")]
+    return []

@@ -28,7 +28,7 @@ class HitCrossing(Block):
 
     count is how often input has passed ``level`` in ``direction``, and time when it last did, 0
     before. Where the input is continuous, the times are located between ticks; otherwise a hit is
-    at the first tick beyond the level. A probe ``{events: name}`` records all times.
+    at the first tick beyond the level. A probe ``{events: name}`` records the located times.
     """
 
     signal = Input(Scalar, name="input", doc="any number")
@@ -60,10 +60,13 @@ class HitCrossing(Block):
         state.side[...] = now
 
     def crossings(self, context: BlockContext) -> tuple[str, ...]:
-        return ("either",)
+        return (self.direction,)
 
     def guards(self, state: BlockState, t: float, input: float) -> FloatArray:
         return np.array([input - self.level])
 
     def event(self, state: BlockState, t: float, which: float, input: float) -> None:
+        now = 1.0 if input > self.level else -1.0
+        # The side before may be older than a crossing in the other direction, which is no event.
+        state.side[...] = -now
         self.update(state, t, input)

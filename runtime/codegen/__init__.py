@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Function,
         RefusedError,
         Source,
+        apart,
         support,
     )
     from runtime.codegen.types import (
@@ -60,6 +61,7 @@ __all__ = [
     "Type",
     "Unit",
     "Writer",
+    "apart",
     "leaves",
     "support",
     "unknown_call",

@@ -1,9 +1,9 @@
-"""Random numbers: NumPy's own functions, so that the numbers are the same.
+"""Random numbers: the methods of NumPy's generator as calls of draws.h, which gives its numbers.
 
 In go a generator and the arguments of one of its methods, out comes a draw that is stored at once:
 
     state.random.normal(0.0, s)     if (!(!signbit(s))) fail
-                                    const double drawn_1_ = 0.0 + s * random->normal(random->bits);
+                                    const double drawn_1_ = 0.0 + s * (double)draw_normal(random);
 """
 
 from __future__ import annotations

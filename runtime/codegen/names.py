@@ -12,6 +12,7 @@ import re
 from functools import cache
 
 from runtime.codegen.source import support
+from runtime.codegen.ziggurat import template
 
 WORD = re.compile(r"\w+")
 C_WORDS = WORD.findall("""
@@ -37,7 +38,10 @@ REAL = re.compile(r"^REAL\w*\((\w+)\)$", re.MULTILINE)
 @cache
 def reserved() -> frozenset[str]:
     """Names that a variable or function of the source must not have in C."""
-    helpers = [*DEFINED.findall(support()), *(f"real_{name}" for name in REAL.findall(support()))]
+    helpers = [
+        *DEFINED.findall(support() + template()),
+        *(f"real_{name}" for name in REAL.findall(support())),
+    ]
     return frozenset([*C_WORDS, *FUNCTIONS, *helpers])
 
 

@@ -40,7 +40,7 @@ def _text(expr: form.Expr) -> str:
         case form.Call(function=function, arguments=arguments):
             return f"{function}({', '.join(map(text, arguments))})"
         case form.Draw(generator=generator, kind=kind):
-            return f"{text(generator)}->{kind}({text(generator)}->bits)"
+            return f"(double)draw_{kind}({text(generator)})"
         case form.Item(array=array, index=index):
             return f"{text(array, form.SIGN + 1)}[{text(index)}]"
         case form.Member(record=record, name=name):

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from runtime.codegen.scopes import separated, uncertain
 from runtime.codegen.types import Type
+from runtime.codegen.ziggurat import draws
 
 # The comment at a ``for`` whose rounds may be done in any order, or at once.
 ANY_ORDER = "any order"
@@ -193,6 +194,16 @@ class Source:
 
 
 @cache
-def support() -> str:
-    """The text that every unit begins with."""
+def _support() -> str:
     return (Path(__file__).parent / "support.h").read_text(encoding="utf-8")
+
+
+def support(text: str = "") -> str:
+    """What a unit with this text begins with."""
+    return _support() + (draws() if "draw_" in text else "")
+
+
+def apart(text: str) -> str:
+    """The text of a unit without what it begins with."""
+    own = text.replace(_support(), "")
+    return own.replace(draws(), "") if "draw_" in own else own

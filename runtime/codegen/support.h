@@ -23,12 +23,10 @@ struct context {
     int64_t tick, at;
 };
 
-/* A generator of random numbers: NumPy's state and functions. */
+/* A generator of random numbers: the state of PCG64, the lower half of each number first, as NumPy
+ * has it in memory. See draws.h. */
 struct draws {
-    void *bits;
-    double (*uniform)(void *);
-    double (*normal)(void *);
-    double (*exponential)(void *);
+    uint64_t state[2], increment[2];
 };
 
 #if defined(__GNUC__) || defined(__clang__)

@@ -126,7 +126,7 @@ def leaves(kind: Type) -> Iterator[tuple[str, str]]:
         yield "_given", "bool"
         yield from leaves(kind.part)
     elif isinstance(kind, Draws):
-        yield "", "const struct draws *"
+        yield "", "struct draws *"
 
 
 def count(kind: Type) -> int:

@@ -125,8 +125,6 @@ class Writer:
         members = [f"    {declared(c_type, name)};" for name, c_type in words]
         text = "\n".join(
             [
-                *_comment(title),
-                support(),
                 "/* Parameters, and pointers to states. */",
                 "struct entries {",
                 *(members or ["    int64_t none;"]),
@@ -137,6 +135,7 @@ class Writer:
                 *(body for body, _ in bodies),
             ]
         )
+        text = "\n".join([*_comment(title), support(text), text])
         return Unit(text, self.failures.listed, words, self.prototypes)
 
     def reached(self, names: Sequence[str]) -> set[str]:

@@ -24,7 +24,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.compiler.cache import Records, salt
-    from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
+    from runtime.compiler.fields import NotCompilableError, bits_of, fixed_sizes, plain, written
     from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
     from runtime.compiler.translate import translate_functions
 else:  # Imported where something is translated: most starts find everything in the cache.
@@ -35,6 +35,7 @@ __all__ = [
     "Kernel",
     "NotCompilableError",
     "Records",
+    "bits_of",
     "calls_of",
     "fixed_sizes",
     "make_kernel",

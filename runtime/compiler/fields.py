@@ -9,6 +9,7 @@ In go values of Python, out come their types in C and the members of the struct:
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -44,6 +45,7 @@ def plain(value: Any, name: str) -> Any:
             raise NotCompilableError(f"{name} is a part of an array, and not contiguous")
         return value.copy()
     if isinstance(value, np.random.Generator):
+        bits_of(value, name)
         return value
     if isinstance(value, (float, np.floating)):
         return float(value)
@@ -54,6 +56,25 @@ def plain(value: Any, name: str) -> Any:
     kind = f"array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
     article = "an" if kind[0] in "aeio" else "a"
     raise NotCompilableError(f"{name} is {article} {kind}")
+
+
+def bits_of(generator: np.random.Generator, name: str) -> np.ndarray[Any, Any]:
+    """The state of a generator where NumPy has it, as the words of ``struct draws``.
+
+    Raises
+    ------
+    NotCompilableError : it is no PCG64, or NumPy keeps it in another form than on usual machines.
+    """
+    made = generator.bit_generator
+    if type(made) is not np.random.PCG64:
+        raise NotCompilableError(f"{name} draws from {type(made).__name__}, not from PCG64")
+    place = ctypes.c_void_p.from_address(made.ctypes.state_address).value
+    words = np.ctypeslib.as_array((ctypes.c_uint64 * 4).from_address(int(place or 0)))
+    numbers = made.state["state"]
+    halves = [numbers[key] >> shift & 2**64 - 1 for key in ("state", "inc") for shift in (0, 64)]
+    if words.tolist() != halves:
+        raise NotCompilableError(f"{name} has its state in an unknown form on this machine")
+    return words
 
 
 def type_of(value: Any) -> Type:

@@ -27,7 +27,7 @@ from blocks.core import (
     SignalType,
 )
 from blocks.registry import is_built_in
-from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, support
+from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, apart
 from runtime.compiler.cache import Records, salt, source_of, translation
 from runtime.compiler.fields import Fields, NotCompilableError, written
 from runtime.toolchain import TranslationUnit, digest
@@ -75,17 +75,17 @@ class Kernel:
     @property
     def is_small(self) -> bool:
         """Whether it can be part of the plan's unit."""
-        return len(self.text) - len(support()) <= SMALL
+        return len(apart(self.text)) <= SMALL
 
     @property
     def has_while(self) -> bool:
         """Whether it has a loop that ends by what it computes."""
-        return "while (" in self.text.replace(support(), "")
+        return "while (" in apart(self.text)
 
     def enclosed(self, prefix: str) -> Kernel:
         """The same for a unit with other blocks: without the support that a unit begins with, and
         with static functions ``<prefix>_...``, of which the methods are ``<prefix>__...``."""
-        text = METHOD.sub("static void ", PROTOTYPE.sub("", self.text.replace(support(), "")))
+        text = METHOD.sub("static void ", PROTOTYPE.sub("", apart(self.text)))
         calls = {name: f"{prefix}_{name}" for name in FUNCTION.findall(text)}
         symbols = {method: f"{prefix}__{method}" for method in self.symbols}
         calls |= {symbol: symbols[method] for method, symbol in self.symbols.items()}

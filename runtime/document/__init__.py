@@ -11,6 +11,13 @@ contains, in which ``$names`` are not filled in yet; or every problem with its p
 Every change returns a new tree that shares what it does not change.
 """
 
+from runtime.document.arrays import (
+    array_values,
+    arrays_beside,
+    arrays_in,
+    replace_arrays,
+    with_folder,
+)
 from runtime.document.edits import (
     Override,
     add_block,
@@ -43,6 +50,7 @@ from runtime.document.run_section import (
     Solver,
     Stop,
     read_run,
+    read_seed,
     seconds,
 )
 from runtime.document.scalars import parse_scalar
@@ -65,7 +73,7 @@ from runtime.document.sections import (
     section,
     strings,
 )
-from runtime.document.substitution import fill_sections, without_unused
+from runtime.document.substitution import INDEX, fill_sections, uses_index, without_unused
 from runtime.document.time_units import SECOND, TIME_UNITS, in_time, rate_text
 from runtime.document.writer import flow_yaml
 
@@ -74,6 +82,7 @@ __all__ = [
     "EXAMPLES",
     "FILE_KEYS",
     "FILE_SECTIONS",
+    "INDEX",
     "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
@@ -96,6 +105,9 @@ __all__ = [
     "add_entry",
     "add_names",
     "add_wire",
+    "array_values",
+    "arrays_beside",
+    "arrays_in",
     "check_keys",
     "closest",
     "complete_document",
@@ -120,12 +132,16 @@ __all__ = [
     "read_file",
     "read_graph",
     "read_run",
+    "read_seed",
     "rename_files",
+    "replace_arrays",
     "seconds",
     "section",
     "set_entry",
     "set_wire",
     "shipped_graphs",
     "strings",
+    "uses_index",
+    "with_folder",
     "without_unused",
 ]

@@ -125,7 +125,8 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         problems.add(where, "run.until", message)
         # One tick: what follows needs a length, and the problem is reported.
         until = dt
-    seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
+    seed = read_seed(run.get("seed"), "run.seed", problems) or 0
+    engine = _choice(run, "engine", ENGINES, ENGINES[0], problems)
     states = _choice(run, "states", STATE_CHOICES, STATE_CHOICES[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
     events = _choice(run, "events", EVENT_CHOICES, EVENT_CHOICES[0], problems)
@@ -134,14 +135,16 @@ def read_run(document: Node, problems: Problems) -> RunSection:
     return RunSection(dt, until, seed, engine, memory, solver, *rest)
 
 
-def _seed(run: dict[str, Node], problems: Problems) -> int:
-    node = run.get("seed")
-    value = 0 if node is None else node.value
-    if node is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
-        message = f"expected a non-negative integer, got {Node(value).describe()}"
-        problems.add(node.where, "run.seed", message)
-        return 0
-    return int(value)
+def read_seed(node: Node | None, address: str, problems: Problems) -> int | None:
+    """The seed of a run, a part or a block; None if there is none, or a wrong one."""
+    if node is None:
+        return None
+    value = node.value
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return value
+    message = f"expected a non-negative integer, got {node.describe()}"
+    problems.add(node.where, address, message)
+    return None
 
 
 def _choice(

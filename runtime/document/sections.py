@@ -42,7 +42,7 @@ WRITTEN_ORDER = (
 )
 PART_SECTIONS = (
     *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
-    "defaults",
+    *("defaults", "seed"),
 )
 # Sections whose entries may name files, beside ``blocks``: those with a kind of a user's own.
 FILE_SECTIONS = ("plots", "metrics")

@@ -6,7 +6,8 @@ position of the param, where a wrong value has to be corrected; inside a text, t
     params: {v: 1.5}   blocks: {lqr: {v_r: $v}}             ->    {lqr: {v_r: 1.5}}
     params: {n: 3}     blocks: {f: {signal: Vector($n)}}    ->    {f: {signal: Vector(3)}}
 
-Params may be computed from others, by arithmetic with numbers alone: ``wheel: $d * 0.5``.
+Params may be computed from others, by arithmetic with numbers alone: ``wheel: $d * 0.5``. In a part
+with ``repeat``, ``$index`` is the number of the copy: ``params: {angle: 2*pi*$index/$n}``.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ from runtime.document.sections import SECTIONS, expected_form, is_part, misspelt
 from runtime.errors import Problems
 
 _NAME = re.compile(r"\$([A-Za-z_]\w*)")
+INDEX = "index"  # of a copy of a repeated part, unless the graph around it has such a param
 # Values of a part's entry that are the graph's around it, so that its params are meant.
-_OUTER = ("params", "repeat", "share")
+_OUTER = ("params", "repeat", "share", "seed")
 
 
 def fill_sections(
@@ -94,6 +96,12 @@ def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, 
     return after if not unused else after.with_item("params", declared), notes
 
 
+def uses_index(entry: Node) -> bool:
+    """Whether a repeated part, or a param that it is given, names the number of its copy."""
+    params = entry.get("params")
+    return INDEX in _references_of(entry) or (params is not None and INDEX in _references(params))
+
+
 def _references_of(graph: Node) -> set[str]:
     """The params that a graph refers to; inside a part, names are its own."""
     nodes = []
@@ -133,6 +141,7 @@ class _Filler:
         self.missing: set[str] = set()
         self.failed: set[str] = set()
         self.inside = True  # whether names inside a text are replaced
+        self.later: set[str] = set()  # names that a copy of a repeated part replaces
 
     def compute_params(self, prefix: str) -> None:
         """Replace the params in params, in an order in which each uses only values."""
@@ -185,7 +194,13 @@ class _Filler:
         blocks = entry.get("blocks")
         own_file = blocks is not None and (blocks.where.file, entry.key.file)
         entries = dict(node.items())
+        copied = entry.get("repeat") is not None and INDEX not in (self.params or {})
         for name, item in node.items():
+            if copied and INDEX in _references(item):
+                self.later = {INDEX}
+                entries[name] = self.fill(item, f"{address}.{name}")
+                self.later = set()
+                continue
             # A default that the part computes from its own params stays until its inside is filled.
             references = set(_references(item))
             by_part = own_file and own_file[0] != own_file[1] and item.where.file == own_file[0]
@@ -214,17 +229,20 @@ class _Filler:
         if not isinstance(node.value, str) or "$" not in node.value:
             return node
         match = _NAME.fullmatch(node.value)
-        return self.value(match[1], node, address) if match else text(node, address)
+        if match and match[1] not in self.later:
+            return self.value(match[1], node, address)
+        return text(node, address)
 
     def in_text(self, node: Node, address: str) -> Node:
         """A text with numbers in place of the names in it."""
-        names = set(_NAME.findall(node.value))
+        names = set(_NAME.findall(node.value)) - self.later
         if not names or not (self.inside or names <= (self.params or {}).keys()):
             return node
         values = {name: self.value(name, node, address) for name in names}
         if any(value is node for value in values.values()):
             return node
-        return replace(node, value=_NAME.sub(lambda m: _written(values[m[1]].plain()), node.value))
+        known = {name: _written(value.plain()) for name, value in values.items()}
+        return replace(node, value=_NAME.sub(lambda m: known.get(m[1], m[0]), node.value))
 
     def computed(self, node: Node, address: str) -> Node:
         """The number that a text such as ``$d * 0.5`` stands for."""

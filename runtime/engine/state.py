@@ -127,7 +127,9 @@ class RunState:
             arrays[slot.name] = self.continuous[slot.start : slot.stop].reshape(slot.shape)
         apart = arrays.keys() - {slot.name for slot in slots}
         self.arrays |= {f"{name}.{key}": arrays[key] for key in arrays if key in apart}
-        return BlockState(self.program.contexts[name], seed_of(self.seed, name), arrays)
+        own = self.program.network.entries[name].seed
+        seed = seed_of(self.seed if own is None else own, name)
+        return BlockState(self.program.contexts[name], seed, arrays)
 
     def stacks(self) -> dict[str, Any]:
         """What computes equal blocks together, by its name in the plan's text."""

@@ -45,6 +45,7 @@ BLOCK_DOCS = {
     "type": "the block's type",
     "dt": "the block's own step, s: a whole multiple of run.dt",
     "offset": "the time of its first tick, s: a whole multiple of run.dt, below its dt",
+    "seed": "its own seed: what it draws does not depend on the run's",
     "module": "a Python file that defines the type",
     "graph": "the file of a part",
     "params": "values for the part's params",

@@ -51,7 +51,7 @@ def json_schema() -> Schema:
     for key in KEYS:
         if key not in PLAN_KEYS:
             sections.setdefault(key, ANY)
-    for key in ("part", "repeat", "share"):
+    for key in ("part", "repeat", "share", "seed"):
         sections.pop(key, None)
     return {
         "$schema": ID,

@@ -28,7 +28,7 @@ from blocks.core import (
 )
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
-from runtime.document import Node, closest, read_run, section
+from runtime.document import Node, closest, read_run, read_seed, section
 from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.contexts import check_contexts, failure_text
@@ -48,7 +48,7 @@ from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
 from runtime.network.written_types import written_types
 
-BLOCK_KEYS = ("type", "module", "dt", "offset")
+BLOCK_KEYS = ("type", "module", "dt", "offset", "seed")
 SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")
 MAX_TITLE = 120
 BlockCache = MutableMapping[tuple[type[Block], str], Block]
@@ -220,12 +220,13 @@ def construct_blocks(
         if definition.cls is GraphInput and not scope.own_value(name.removeprefix(INPUTS)):
             continue  # what is wired to it takes its place
         every, offset = sampling(node, definition.cls, network, definition.address, problems)
+        seed = _seed(definition, problems)
         sampled = node.get("dt") is not None
         if sampled and definition.cls.spec.continuous:
             message = "its states are continuous and integrated over every step; leave dt out"
             problems.add(node.where, f"{definition.address}.dt", message)
         entries[full] = NetworkEntry(
-            full, scope, node, definition.cls, block, every, sampled, offset
+            full, scope, node, definition.cls, block, every, sampled, offset, seed
         )
         notes += block_notes
     return replace(
@@ -254,6 +255,13 @@ def _definitions(
         for name, node in input_entries(scope)
     )
     return [*definitions, *inputs]
+
+
+def _seed(definition: _Definition, problems: Problems) -> int | None:
+    """A block's own seed, or that of a part around it; None for the run's."""
+    node = None if "seed" in definition.cls.spec.params else definition.node.get("seed")
+    seed = read_seed(node, f"{definition.address}.seed", problems)
+    return definition.scope.seed if seed is None else seed
 
 
 def _signal_types(

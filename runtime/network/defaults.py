@@ -49,7 +49,7 @@ def _takes(cls: type[Block], key: str) -> bool:
     if key in TIMES and key not in spec.params:
         is_constant = bool(spec.outputs) and all(map(spec.is_constant, spec.evaluations))
         return not spec.continuous and not (is_constant and spec.update is None)
-    return key in spec.params
+    return key in spec.params or key == "seed"
 
 
 def _filled(scope: Scope, node: Node, cls: type[Block]) -> Node:
@@ -78,7 +78,7 @@ def _check(scope: Scope, inside: Sequence[type[Block]], problems: Problems) -> N
         address = scope.path("defaults", key)
         if not _is_type(key):
             if not any(_takes(cls, key) for cls in inside):
-                known = {*TIMES, *(name for cls in inside for name in cls.spec.params)}
+                known = {*TIMES, "seed", *(name for cls in inside for name in cls.spec.params)}
                 message = f"no block here has a parameter '{key}'{hint(key, sorted(known))}"
                 problems.add(item.key, address, message)
             continue
@@ -92,5 +92,5 @@ def _check(scope: Scope, inside: Sequence[type[Block]], problems: Problems) -> N
         else:
             for name, value in item.items():
                 if not _takes(classes[0], name):
-                    near = hint(name, [*classes[0].spec.params, *TIMES])
+                    near = hint(name, [*classes[0].spec.params, *TIMES, "seed"])
                     problems.add(value.key, f"{address}.{name}", f"unknown parameter{near}")

@@ -22,6 +22,7 @@ from runtime.document import (
     fill_sections,
     is_part,
     misspelt_keys,
+    read_seed,
     section,
 )
 from runtime.errors import Problems
@@ -136,4 +137,6 @@ def _part(
     entry_filled = fill_sections(entry, declared, address, problems, work)
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
     scope.unread = _unread(entry, PART_SECTIONS)
+    seed = read_seed(entry.get("seed"), f"{address}.seed", problems)
+    scope.seed = above.seed if seed is None else seed
     return _scope(entry_filled, scope, problems, work)

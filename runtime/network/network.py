@@ -50,7 +50,7 @@ class NetworkEntry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
     ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step, and
-    ``offset`` is the tick of its first one.
+    ``offset`` is the tick of its first one; ``seed`` stands in for the run's.
     """
 
     name: str
@@ -61,6 +61,7 @@ class NetworkEntry:
     every: int = 1
     sampled: bool = False
     offset: int = 0
+    seed: int | None = None
 
     @property
     def grid(self) -> int:

@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from blocks.core import hint, signal_type
-from runtime.document import MAX_BLOCKS, Node, strings
+from runtime.document import INDEX, MAX_BLOCKS, Node, strings, uses_index
 from runtime.errors import Problems
 from runtime.network.scope import Scope
 
-INDEX = "index"  # a param of this name is the number of the copy
 OpenPart = Callable[[Node, Scope, str], Scope]
 
 
@@ -33,10 +32,11 @@ def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPa
     count = _count(entry.value["repeat"], scope.address, problems)
     shared = _shared_inputs(entry, scope.address, problems)
     one = entry.with_item("repeat", None).with_item("share", None)
-    params = one.get("params")
+    params = one.get("params") or _at(entry, {})
+    # Only where the part declares it or uses it: an unused param is an error.
+    numbered = params.get(INDEX) is not None or uses_index(one)
     for i in range(count):
-        # Only where the part declares it: an unused param is an error.
-        if params is not None and params.get(INDEX) is not None:
+        if numbered:
             number = Node(i, params.where, params.key)
             one = one.with_item("params", params.with_item(INDEX, number))
         scope.parts[copy_name(i)] = open_part(one, scope, copy_name(i))

@@ -132,7 +132,9 @@ class _Replacement:
         )
         spec = self.cls.spec
         fitting = {
-            key: node for key, node in parameters.items() if key in ("dt", "offset", *spec.params)
+            key: node
+            for key, node in parameters.items()
+            if key in ("dt", "offset", "seed", *spec.params)
         }
         lost = [key for key in parameters if key not in fitting]
         if lost:

@@ -22,7 +22,8 @@ class Scope:
 
     ``prefix`` is put before the names inside to form those in the whole graph; ``address`` is the
     scope's in the document. ``broken`` names blocks that cannot be read, ``unread`` such
-    sections: they are reported once, and addresses that lead there are not.
+    sections: they are reported once, and addresses that lead there are not. ``seed`` is that of
+    its blocks, in place of the run's.
     """
 
     prefix: str
@@ -36,6 +37,7 @@ class Scope:
     outputs: dict[str, Node] = field(default_factory=dict)
     defaults: dict[str, Node] = field(default_factory=dict)
     where: Where = field(default_factory=Where)
+    seed: int | None = None
     broken: set[str] = field(default_factory=set)
     unread: set[str] = field(default_factory=set)
 

@@ -41,26 +41,11 @@ class OperatingPoint:
     ) -> None:
         self.network = network
         ends = [_watch(network, text) for text in outputs]
-        cut = _cut(network, opened) if opened else None
+        cut = _cut_at(network, opened) if opened else None
         if cut is not None and not (inputs or outputs):
             ends, outputs = [Watched(cut)], [opened]
-        first: dict[Port, int] = {}
-        self.inputs: tuple[str, ...] = ()
-        for text in inputs:
-            port = _input_at(network, text)
-            first[port] = len(self.inputs)
-            self.inputs += tuple(labels(text, network.types[port]))
-        self.driven = frozenset(self.inputs)
-        components: tuple[int, ...] = ()
-        if cut is not None:
-            key = cut.block, cut.port
-            every = labels(f"{cut.block}.{cut.port}", network.types[key])
-            chosen = [opened] if cut.component else every
-            components = tuple(i for i, name in enumerate(every) if name in chosen)
-            self.driven = self.driven if inputs else frozenset(chosen)
-            if key not in first:
-                first[key] = len(self.inputs)
-                self.inputs += tuple(every)
+        first = self._first(inputs)
+        components = () if cut is None else self._cut(cut, opened, first, bool(inputs))
         self.outputs = tuple(
             each for text, w in zip(outputs, ends, strict=True) for each in _rows(network, text, w)
         )
@@ -71,11 +56,37 @@ class OperatingPoint:
         self.u = np.zeros(len(self.inputs))
         if cut is not None:
             # What readers get at the cut while the loop is closed.
-            value, start = self.value_of(Watched(replace(cut, component=""))), first[key]
+            value = self.value_of(Watched(replace(cut, component="")))
+            start = first[cut.block, cut.port]
             self.u[[start + i for i in components]] = value[list(components)]
         self.point = Point(engine, tick, self.structure.sampled, offsets, ends)
         self.columns = self._columns(self.point, states)
         self._check(self.point)
+
+    def _first(self, inputs: Sequence[str]) -> dict[Port, int]:
+        """The number of the first label of each input."""
+        first: dict[Port, int] = {}
+        self.inputs: tuple[str, ...] = ()
+        for text in inputs:
+            port = _input_at(self.network, text)
+            first[port] = len(self.inputs)
+            self.inputs += tuple(labels(text, self.network.types[port]))
+        self.driven = frozenset(self.inputs)
+        return first
+
+    def _cut(
+        self, cut: Endpoint, opened: str, first: dict[Port, int], others: bool
+    ) -> tuple[int, ...]:
+        """Add the signal at the cut to the inputs; its components at which readers are cut off."""
+        key = cut.block, cut.port
+        every = labels(f"{cut.block}.{cut.port}", self.network.types[key])
+        chosen = [opened] if cut.component else every
+        if not others:
+            self.driven = frozenset(chosen)
+        if key not in first:
+            first[key] = len(self.inputs)
+            self.inputs += tuple(every)
+        return tuple(i for i, name in enumerate(every) if name in chosen)
 
     def value_of(self, watched: Watched) -> FloatArray:
         """The numbers of a signal, with nothing added and nothing cut."""
@@ -150,7 +161,7 @@ def _input_at(network: Network, text: str) -> Port:
     return end.block, end.port
 
 
-def _cut(network: Network, text: str) -> Endpoint:
+def _cut_at(network: Network, text: str) -> Endpoint:
     end = _output_at(network, text)
     kind = network.types.get((end.block, end.port))
     if kind is None:

@@ -23,7 +23,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, SECOND, Override, dump_yaml
+from runtime.document import DEFAULT_MEMORY, SECOND, Override, arrays_in, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.errors import raised_at
 from runtime.network import Network
@@ -105,6 +105,7 @@ def simulate(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
+    notes += _unlocated(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
@@ -190,6 +191,19 @@ def _events(
     )
 
 
+def _unlocated(events: Mapping[str, Sequence[str]], plan: Plan) -> list[str]:
+    """Notes of blocks whose events a probe cannot record: they act on ticks in this graph."""
+    crossings = () if plan.integration is None else plan.integration.crossings
+    located = {crossing.block for crossing in crossings}
+    return [
+        f"probe '{name}': no event of '{block}' is between two ticks here, and none is recorded: "
+        "its input holds between ticks, no state is continuous, or run: {events: ticks} is set"
+        for name, blocks in events.items()
+        for block in blocks
+        if block not in located
+    ]
+
+
 def _begin_recording(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
     """Write what is needed to recover a recording on disk if the process is killed."""
     observation = graph.program.observation
@@ -264,6 +278,7 @@ def _manifest(
 ) -> dict[str, Any]:
     network = graph.network
     read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.read.items()}
+    read |= {each.origin: each.digest for _, each in arrays_in(graph.document()) if each.origin}
     return {
         "schema_version": SCHEMA_VERSION,
         "graph": network.title,

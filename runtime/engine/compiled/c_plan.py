@@ -1,13 +1,13 @@
 """The printer of a plan as C for the engine: one call per block, cut where Python calls blocks.
 
-In go a plan and the blocks that compile, out come the text and the struct of all its values.
-Blocks that do not compile cut a tick into parts: ``run(plan, ctx, first, last, low, high)`` runs
-the parts from ``low`` up to ``high``, and a Python loop (:mod:`.driver`) calls the blocks between
-them. If all blocks compile, or on ticks on which none of the others is called, one call runs
-several ticks.
+In go a plan and the blocks that compile, out come the text and the structs of its values.
+Blocks that do not compile cut a tick into parts: ``run(plan, places, ctx, first, last, low, high)``
+runs the parts from ``low`` up to ``high``, and a Python loop (:mod:`.driver`) calls the blocks
+between them. If all blocks compile, or on ticks on which none of the others is called, one call
+runs several ticks.
 ``call gain.out: Scalar = gain.output(t, clock.time)`` with its test becomes::
 
-    block_gain_output(ctx, plan->fields_gain, t, plan->out_clock_time, &plan->out_gain_out);
+    block_gain_output(ctx, places->fields_gain, t, plan->out_clock_time, &plan->out_gain_out);
     if (!isfinite(plan->out_gain_out)) {
         if (!(isfinite(plan->out_gain_out))) { ctx->at = 1; return 1; }
     }
@@ -297,7 +297,7 @@ class EngineText(SignalText):
 
     def attempt(self, *undo: str) -> None:
         """Take a step, which may be too long."""
-        self.put("const int64_t ended = attempt(plan, ctx, k, done, h);")
+        self.put("const int64_t ended = attempt(plan, places, ctx, k, done, h);")
         with self.block("if (ended)"):
             self.put("double refused = 0.0;")
             arrays = map(self.solvers, ("states", "start", "control"))

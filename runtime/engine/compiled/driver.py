@@ -66,7 +66,8 @@ class DriverText(PythonText):
 
     def load(self, load: Load) -> None:
         for signal in load.signals:
-            self.code(f"{self.names.of(signal)} = read({self.member(signal)!r})")
+            if signal.key not in self.struct.outside:  # a name of the namespace
+                self.code(f"{self.names.of(signal)} = read({self.member(signal)!r})")
 
     def store(self, store: Store) -> None:
         for signal in store.signals:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from runtime.compiler import written
+from runtime.compiler import bits_of, written
 
 ARENA = 1 << 28  # bytes of address space for a tick's local arrays; memory is used when touched
-DRAWS = ("random_standard_uniform", "random_standard_normal", "random_standard_exponential")
 # The members of struct context, see support.h.
 CONTEXT: tuple[str, ...] = (
     "resume",
@@ -52,7 +49,7 @@ class Words:
             elif isinstance(value, int):
                 self.ints[at] = value
             elif isinstance(value, np.random.Generator):
-                self.point(at, draws(value))
+                self.point(at, bits_of(value, "a generator"))
                 self.kept.append(value)
             else:
                 self.point(at, value)
@@ -68,20 +65,6 @@ def flattened(values: tuple[Any, ...]) -> Iterator[Any]:
         if isinstance(value, np.ndarray):
             sizes = zip(value.shape, written(value.shape), strict=True)
             yield from (size for size, known in sizes if known is None)
-
-
-@cache
-def _functions() -> list[int]:
-    """The addresses of NumPy's own functions, so that both engines draw the same numbers."""
-    library = ctypes.CDLL(np.random._generator.__file__)
-    addresses = [ctypes.cast(getattr(library, name), ctypes.c_void_p).value for name in DRAWS]
-    return [int(address or 0) for address in addresses]
-
-
-def draws(generator: np.random.Generator) -> np.ndarray[Any, Any]:
-    """The struct draws of a generator."""
-    bits = generator.bit_generator.ctypes.bit_generator.value
-    return np.array([int(bits or 0), *_functions()], dtype=np.int64)
 
 
 class Context(Words):

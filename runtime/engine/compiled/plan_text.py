@@ -32,13 +32,15 @@ static void set_zero(double *a, int64_t n)
 }
 """
 RUN = """
-static int64_t ticks(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
-                     int64_t low, int64_t high)
+static int64_t ticks(struct plan *plan, const struct places *places, struct context *ctx,
+                     int64_t first, int64_t last, int64_t low, int64_t high)
 {
     const double dt = @dt@;
     (void)all_finite;
     (void)no_nan;
     (void)set_zero;
+    (void)plan;
+    (void)places;
     (void)low;
     (void)high;
     int64_t ended = 0;
@@ -56,19 +58,19 @@ end:
     return ended;
 }
 
-int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
-            int64_t high);
+int64_t run(struct plan *plan, const struct places *places, struct context *ctx, int64_t first,
+            int64_t last, int64_t low, int64_t high);
 
 /* Where a block fails, this function returns 2. It is none with all the calls: each of them would
    be a place to which setjmp may return, which takes the compiler long. */
-int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
-            int64_t high)
+int64_t run(struct plan *plan, const struct places *places, struct context *ctx, int64_t first,
+            int64_t last, int64_t low, int64_t high)
 {
     jmp_buf resume;
     ctx->resume = &resume;
     ctx->failure = -1;
     if (setjmp(resume)) return 2;
-    return ticks(plan, ctx, first, last, low, high);
+    return ticks(plan, places, ctx, first, last, low, high);
 }
 """
 
@@ -80,26 +82,28 @@ ATTEMPT = """
 #define APART
 #endif
 
-static APART int64_t stages(struct plan *plan, struct context *ctx, int64_t k, double done,
-                            double h)
+static APART int64_t stages(struct plan *plan, const struct places *places, struct context *ctx,
+                            int64_t k, double done, double h)
 {
     const double dt = @dt@;
     (void)all_finite;
     (void)no_nan;
     (void)set_zero;
+    (void)plan;
+    (void)places;
 @body@
     return 0;
 }
 
-static APART int64_t attempt(struct plan *plan, struct context *ctx, int64_t k, double done,
-                             double h)
+static APART int64_t attempt(struct plan *plan, const struct places *places, struct context *ctx,
+                             int64_t k, double done, double h)
 {
     jmp_buf resume;
     void *const outer = ctx->resume;
     const int64_t used = ctx->arena_used;
     int64_t ended = 2;
     ctx->resume = &resume;
-    if (!setjmp(resume)) ended = stages(plan, ctx, k, done, h);
+    if (!setjmp(resume)) ended = stages(plan, places, ctx, k, done, h);
     ctx->resume = outer;
     ctx->arena_used = used;
     return ended;

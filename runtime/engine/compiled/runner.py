@@ -8,7 +8,7 @@ blocks, or found in the cache, and its struct filled with their addresses.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -98,7 +98,7 @@ def _built(
         text = c_plan(program.plan, program.names, {**others, **small})
         texts = dict.fromkeys(kernel.text for kernel in small.values())
         level = THOROUGH if small else QUICK
-        plan = TranslationUnit(PLAN, "\n".join([support(), *texts, text.text]), level)
+        plan = TranslationUnit(PLAN, _whole([*texts, text.text]), level)
         units = {kernel.text: kernel.unit for kernel in others.values()}
         try:
             library = builder.build([plan, *text.others, *units.values()], tell)
@@ -113,9 +113,15 @@ def _built(
                 kernels.refuse(name, program.network.entries[name].cls, str(error))
             continue
         function = library.functions.run
-        function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, *[ctypes.c_int64] * 4]
+        function.argtypes = [*[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4]
         function.restype = ctypes.c_int64
         return Template(kernels, text, function, library.compiled)
+
+
+def _whole(texts: Sequence[str]) -> str:
+    """The text of the plan's unit."""
+    text = "\n".join(texts)
+    return f"{support(text)}\n{text}"
 
 
 def _is_inlined(program: Program) -> bool:
@@ -143,6 +149,8 @@ class CompiledRunner:
     Parameters
     ----------
     checked : with a check of every index that may be outside of its array.
+
+    ``numbers`` are the signals of the plan, which move; ``places`` are addresses, which do not.
     """
 
     checked = False
@@ -155,38 +163,39 @@ class CompiledRunner:
         self.function = made.function
         self.held = list(context.program.held)
         self.struct = self.text.struct
-        self.words = Words(self.struct.words)
-        self.numbers: Array = self.words.ints
+        self.numbers: Array = np.zeros(max(1, self.struct.size))
+        self.places = Words(self.struct.words)
         self.blocks: Collection[str] = self.kernels.compiled.keys()
         self.memory = Context()
         self.fields = [self._pointer(name, *to) for name, to in self.struct.pointers.items()]
         for name, block in self.struct.inside.items():
-            start, size = self.struct.members[name]
+            start, size = self.struct.places[name]
             words = self._fields(block)
-            self.words.ints[start : start + size] = words.ints
+            self.places.ints[start : start + size] = words.ints
             self.fields.append(words)
-        for name, value in self.struct.fills.items():
-            start, size = self.struct.members[name]
-            self.words.floats[start : start + size] = value
-        self._constants()
-        self.addresses = (self.words.address, self.memory.address)
+        self.addresses = (self.numbers.ctypes.data, self.places.address, self.memory.address)
         self.slow = [signal.key for signal in context.program.plan.held]
         self.drive = self._driver() if self.text.driver else partial(self._part, low=0, high=1)
 
     def _pointer(self, name: str, kind: str, owner: str, state: str) -> Words | None:
-        """Fill a member of the plan's struct that is an address."""
-        at, _ = self.struct.members[name]
+        """Fill a member of the plan's places that is an address."""
+        at, _ = self.struct.places[name]
         if kind == "fields":
             words = self._fields(owner)
-            self.words.point(at, words.ints)
+            self.places.point(at, words.ints)
             return words
         value = self.context.namespace[owner] if kind == "array" else None
+        if kind == "signal":
+            value = self.context.namespace[self.context.program.names.signals[owner, state]]
+            value = np.array(value, dtype=np.float64, ndmin=1)
+        if kind == "open":
+            value = np.full(*self.struct.defaults[name])
         if kind == "initial":
             copies = self.context.program.names.initial[owner]
             value = getattr(self.context.namespace[copies], state)
         if kind == "state":
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
-        self.words.point(at, np.asarray(value))
+        self.places.point(at, np.asarray(value))
         return None
 
     def _fields(self, block: str) -> Words:
@@ -196,29 +205,21 @@ class CompiledRunner:
         words.fill(kernel.fields(made, self.context.states[block]))
         return words
 
-    def _constants(self) -> None:
-        """Fill in outputs that never change."""
-        for call in self.context.program.plan.evaluations:
-            for signal in call.outputs if call.gate.once else ():
-                member = self.struct.signals.get(signal.key)
-                if member is not None:
-                    self.store(
-                        member, self.context.namespace[self.context.program.names.of(signal)]
-                    )
-
     def store(self, member: str, value: Any) -> None:
         """Write an output into the plan's struct."""
         start, size = self.struct.members[member]
         flat = np.ravel(value)
-        self.words.floats[start : start + min(size, flat.size)] = flat
+        self.numbers[start : start + min(size, flat.size)] = flat
 
     def read(self, block: str, port: str) -> Any:
         """An output in the form that Python blocks take; an array is a read-only copy."""
+        if (block, port) in self.struct.outside:
+            return self.context.namespace[self.context.program.names.signals[block, port]]
         kind = self.network.types[block, port]
         start, size = self.struct.members[self.struct.signals[block, port]]
         if kind.form == "scalar":
-            return self.words.floats.item(start)
-        row = self.words.floats[start : start + size]
+            return float(self.numbers.item(start))
+        row = self.numbers[start : start + size]
         if kind.form == "record":
             return tuple(row.tolist())
         copy = row[: int(np.prod(kind.shape))].reshape(kind.shape).copy()

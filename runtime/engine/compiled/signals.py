@@ -4,8 +4,8 @@ In go signals and tests as a printer meets them; out come the C expressions of s
 the plan's struct or variables, and one test for the outputs of several calls. If all of a plan is
 one function, the number of ``gain.out`` is a variable, which stays in a register::
 
-    block_0__output(ctx, &plan->fields_gain, t, out_clock_time, &out_gain_out);
-    block_1__output(ctx, &plan->fields_sum, t, out_gain_out, &out_sum_out);
+    block_0__output(ctx, &places->fields_gain, t, out_clock_time, &out_gain_out);
+    block_1__output(ctx, &places->fields_sum, t, out_gain_out, &out_sum_out);
     if (!isfinite(out_gain_out + out_sum_out)) {
         if (!(isfinite(out_gain_out))) { ctx->at = 0; ended = 1; goto end; }
         if (!(isfinite(out_sum_out))) { ctx->at = 1; ended = 1; goto end; }
@@ -43,14 +43,16 @@ class SignalText(CText):
     ) -> None:
         super().__init__("k", depth=2)
         self.plan, self.kernels, self.has_locals = plan, kernels, has_locals
-        self.struct = Struct(names)
+        once = [call for call in plan.evaluations if call.gate.once]
+        self.struct = Struct(names, {signal.key for call in once for signal in call.outputs})
         self.calls: list[Call] = []
         self.locals: dict[str, Signal] = {}
         self.waiting: list[tuple[int, Test]] = []
 
     def signal(self, signal: Signal) -> str:
         member = self.struct.signal(signal)
-        if not self.has_locals or signal.kind.form == "array":
+        is_inside = signal.key in self.struct.signals
+        if not self.has_locals or signal.kind.form == "array" or not is_inside:
             return member
         name = member.removeprefix("plan->")
         self.locals[name] = signal
@@ -64,7 +66,6 @@ class SignalText(CText):
         """
         calls = self.plan.evaluations
         lasting = {signal.key for signal in self.plan.held}
-        lasting |= {s.key for call in calls if call.gate.once for s in call.outputs}
         all_last = any(call.is_own for call in calls)
         first, tick, last = [], [], []
         for name, signal in self.locals.items():

@@ -1,12 +1,16 @@
-"""The struct of a compiled plan: words of eight bytes, declared in the order of their first use.
+"""The two structs of a compiled plan: numbers that move, and addresses of what is elsewhere.
 
-In go signals, states and arrays as a printer meets them; out come their C expressions and, for the
-runner, where each member is and what fills it. ``signal(plant.pose)`` returns
-``plan->out_plant_pose`` and declares ``double out_plant_pose[3];``.
+In go signals, states and arrays as a printer meets them; out come their C expressions and, for
+what fills them, where each member is. ``signal(plant.pose)`` returns ``plan->out_plant_pose`` and
+declares ``double out_plant_pose[3];`` in ``struct plan``, which has nothing but numbers: a copy of
+it is what a plan remembers. Addresses are in ``struct places``, which nothing writes to after it is
+filled: of states, of arrays that the engine names, of signals that the plan does not compute, and
+the structs of blocks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from runtime.engine.naming import Names
@@ -17,54 +21,62 @@ from runtime.plan import Argument, Port, Signal, StateArray, numbers_in
 class Struct:
     """The members so far.
 
-    members : the first word and the number of words of each member, by name.
-    pointers : members that are addresses, with what they point to: ``fields`` of a block, a
-        ``state``, its ``initial`` copy, or an ``array`` that the engine names.
-    signals : the member of each output.
-    fills : members that are filled once, with a number.
-    inside : members that are the struct of a block.
+    outside : signals that the plan does not compute: constants, inputs of what is exported.
+    members : the first number and the count of numbers of each signal that it computes, by name.
+    signals : the member of each of these.
+    places : the first word and the number of words of each member of ``struct places``, by name.
+    pointers : those that are addresses, with what they point to: ``fields`` of a block, a
+        ``state``, its ``initial`` copy, a ``signal`` outside, what an ``open`` input reads, or an
+        ``array`` that the engine names.
+    defaults : of open inputs, how many numbers an array has that is filled with which.
+    inside : those that are the struct of a block.
     """
 
     names: Names
+    outside: Collection[Port] = ()
     members: dict[str, tuple[int, int]] = field(default_factory=dict)
-    pointers: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     signals: dict[Port, str] = field(default_factory=dict)
-    fills: dict[str, float] = field(default_factory=dict)
+    places: dict[str, tuple[int, int]] = field(default_factory=dict)
+    pointers: dict[str, tuple[str, str, str]] = field(default_factory=dict)
+    defaults: dict[str, tuple[int, float]] = field(default_factory=dict)
     inside: dict[str, str] = field(default_factory=dict)
-    declared: list[str] = field(default_factory=list)
+    declared: dict[str, list[str]] = field(default_factory=lambda: {"plan": [], "places": []})
+    size: int = 0
     words: int = 0
 
-    def member(self, name: str, size: int, declaration: str) -> None:
-        """A member of this many words."""
-        if name not in self.members:
-            self.members[name] = (self.words, size)
-            self.words += size
-            self.declared.append(f"    {declaration};")
+    def place(self, name: str, words: int, declaration: str) -> str:
+        """A member of ``struct places``."""
+        if name not in self.places:
+            self.places[name] = (self.words, words)
+            self.words += words
+            self.declared["places"].append(f"    {declaration};")
+        return f"places->{name}"
 
     def pointer(self, name: str, kind: str, owner: str, state: str = "") -> str:
         """A member that is an address."""
-        to = "const void *" if kind == "fields" else "double *"
-        self.member(name, 1, f"{to}{name}")
+        to = {"fields": "const void *", "signal": "const double *", "open": "const double *"}
         self.pointers[name] = kind, owner, state
-        return f"plan->{name}"
+        return self.place(name, 1, f"{to.get(kind, 'double *')}{name}")
 
     def signal(self, signal: Signal) -> str:
-        """The member of an output: a number, or an array."""
+        """An output: a number, or an array."""
         name = f"out_{self.names.of(signal)}"
+        is_scalar = signal.kind.form == "scalar"
+        if signal.key in self.outside:
+            return self.pointer(name, "signal", *signal.key) + "[0]" * is_scalar
         if signal.key not in self.signals:
             self.signals[signal.key] = name
             size = max(1, numbers_in(signal.kind))
-            dimension = "" if signal.kind.form == "scalar" else f"[{size}]"
-            self.member(name, size, f"double {name}{dimension}")
+            self.members[name] = self.size, size
+            self.size += size
+            self.declared["plan"].append(f"    double {name}{'' if is_scalar else f'[{size}]'};")
         return f"plan->{name}"
 
     def open_input(self, argument: Argument) -> str:
         """An array that is what an open input reads."""
         name = f"open_{self.names.blocks[argument.block]}_{argument.port}"
-        size = max(2, numbers_in(argument.kind))
-        self.member(name, size, f"double {name}[{size}]")
-        self.fills[name] = argument.default
-        return f"plan->{name}"
+        self.defaults[name] = max(2, numbers_in(argument.kind)), argument.default
+        return self.pointer(name, "open", argument.block, argument.port)
 
     def fields(self, block: str) -> str:
         """The struct of a block."""
@@ -73,9 +85,8 @@ class Struct:
     def inner(self, block: str, declared: str, words: int) -> str:
         """The address of the struct of a block as a member, which saves reading an address."""
         name = f"fields_{self.names.blocks[block]}"
-        self.member(name, max(1, words), f"{declared} {name}")
         self.inside[name] = block
-        return f"&plan->{name}"
+        return f"&{self.place(name, max(1, words), f'{declared} {name}')}"
 
     def state(self, state: StateArray, kind: str = "state") -> str:
         """The address of a state, or of its ``initial`` copy."""
@@ -87,5 +98,8 @@ class Struct:
         return self.pointer(member or name, "array", name)
 
     def text(self) -> str:
-        """The declaration."""
-        return "\n".join(["struct plan {", *(self.declared or ["    int64_t none;"]), "};", ""])
+        """The declarations."""
+        lines = []
+        for name, members in self.declared.items():
+            lines += [f"struct {name} {{", *(members or ["    double none;"]), "};", ""]
+        return "\n".join(lines)

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from runtime.document import dump_yaml, flow_yaml, parse_yaml
+from runtime.document import dump_yaml, flow_yaml
 from runtime.experiments.design import Seeds
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class GraphBundle:
         from runtime.runs import contents, portable
 
         texts = graph.texts
-        plain, files = portable(parse_yaml(graph.to_yaml(), "graph").plain(), texts)
+        plain, files = portable(graph.to_dict(modules=True), texts)
         return cls(dump_yaml(plain), tuple(sorted(contents(files, texts).items())))
 
     @property

@@ -12,6 +12,7 @@ from blocks.core import SettingError, function_kernel
 from blocks.neural import (
     LIF,
     AdaptiveLIF,
+    AdaptiveLIFRate,
     Izhikevich,
     LIFRate,
     NeuronModel,
@@ -27,6 +28,8 @@ PAIRS = [
     (LIF(tau_rc=0.05, tau_ref=0.001), nengo.LIF(tau_rc=0.05, tau_ref=0.001)),
     (LIFRate(tau_ref=0.0015), nengo.LIFRate(tau_ref=0.0015)),
     (AdaptiveLIF(tau_n=0.1, inc_n=0.05), nengo.AdaptiveLIF(tau_n=0.1, inc_n=0.05)),
+    (LIF(min_voltage=-1.5), nengo.LIF(min_voltage=-1.5)),
+    (AdaptiveLIFRate(tau_n=0.1, inc_n=0.05), nengo.AdaptiveLIFRate(tau_n=0.1, inc_n=0.05)),
     (SpikingReLU(), nengo.SpikingRectifiedLinear()),
     (ReLU(), nengo.RectifiedLinear()),
     (Sigmoid(), nengo.Sigmoid()),

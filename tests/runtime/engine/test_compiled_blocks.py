@@ -312,6 +312,11 @@ CASES: dict[str, list[Case]] = {
         for method in ("hold", "linear", "cubic")
     ]
     + [Case(blocks.Piecewise(times=[0.05, 0.1], values=[[1, 2], [3, 4]], signal="Twist"))],
+    "Trials": [
+        Case(blocks.Trials(phases={"show": 0.02, "wait": 0.03}, items=3, order="shuffled")),
+        Case(blocks.Trials(phases={"a": 0.02, "b": 0.01}, items=2, by="phase", rounds=[2, 0])),
+    ],
+    "Vocabulary": [Case(blocks.Vocabulary(items=3, dimensions=4))],
     "FromFile": [
         Case(blocks.FromFile(file=str(PUSH), outside=outside, method=method))
         for outside, method in (("error", "cubic"), ("zero", "linear"))

@@ -336,3 +336,34 @@ def test_a_pulse_shorter_than_a_tick_is_noted_where_nothing_is_continuous() -> N
     document["blocks"] = blocks | {"x": {"type": "Integrator"}}
     document["wires"] = {"gain": {"input": "pulse.out"}, "x": {"input": "gain.out"}}
     assert not [note for note in runtime.load(document).network.notes if "shorter" in note]
+
+
+SINE: dict[str, Any] = {"wave": {"type": "Sine", "amplitude": 1.0, "frequency": 0.5}}
+HITS: dict[str, Any] = {"hits": {"type": "HitCrossing", "level": 0.5, "direction": "rising"}}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_hits_are_recorded_in_one_direction(engine: str) -> None:
+    """sin(pi t) rises through one half at t = 1/6 and 13/6, and falls through it in between."""
+    document = {
+        "run": {"dt": 0.01, "until": 3.0, "engine": engine},
+        "blocks": {**SINE, **HITS, "x": {"type": "Integrator"}},
+        "wires": {"hits": {"input": "wave.out"}, "x": {"input": "wave.out"}},
+        "probes": {"at": {"events": "hits"}, "count": "hits.count"},
+    }
+    result = runtime.load(document).run()
+    np.testing.assert_allclose(result.time("at"), [1.0 / 6.0, 13.0 / 6.0], atol=1e-10)
+    assert result["count"][-1] == 2.0 and not result.notes
+
+
+def test_a_probe_of_events_that_act_on_ticks_is_noted() -> None:
+    document = {
+        "run": {"dt": 0.01, "until": 3.0},
+        "blocks": {**SINE, **HITS},
+        "wires": {"hits": {"input": "wave.out"}},
+        "probes": {"at": {"events": "hits"}, "count": "hits.count"},
+    }
+    result = runtime.load(document).run()
+    assert not len(result["at"]) and result["count"][-1] == 2.0
+    (note,) = result.notes
+    assert note.startswith("probe 'at': no event of 'hits' is between two ticks here")

@@ -148,3 +148,47 @@ def test_a_block_cannot_be_repeated() -> None:
     plain = {"blocks": {"a": {"type": "Ensemble", "dimensions": 1, "repeat": 3}}}
     with pytest.raises(GraphError, match="only parts are repeated: put the block into one, or use"):
         runtime.load(plain).check()
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("n", [2, 5])
+def test_params_wires_and_expressions_follow_the_number_of_copies(n: int, engine: str) -> None:
+    """Copy i gets cos(2 pi i / n) of its own, and its neighbour's number of a shared input."""
+    plain: dict[str, Any] = {
+        "run": {"dt": 0.001, "until": 0.002},
+        "params": {"n": n},
+        "blocks": {
+            "numbers": {"type": "Function", "expression": "[10.0*i for i in range($n)]"},
+            "cells": {
+                "repeat": "$n",
+                "share": "all",
+                "params": {"n": "$n", "angle": "2*pi*$index/$n", "next": "($index + 1) % $n"},
+                "inputs": {"x": "Scalar", "all": "Vector($n)"},
+                "outputs": {"y": "f.out"},
+                "blocks": {
+                    "f": {"type": "Function", "expression": "u[0]*cos($angle) + u[1]*($index + 1)"}
+                },
+                "wires": {"f": {"u": ["inputs.x", "inputs.all[$next]"]}},
+            },
+        },
+        "wires": {"cells": {"x": "numbers.out", "all": "numbers.out"}},
+        "probes": {"y": "cells.y"},
+    }
+    i = np.arange(n)
+    expected = 10.0 * i * np.cos(2.0 * np.pi * i / n) + 10.0 * ((i + 1) % n) * (i + 1)
+    found = runtime.load(plain).run(engine=engine)["y"][0]
+    np.testing.assert_allclose(np.atleast_1d(found), expected, rtol=1e-12)
+
+
+def test_an_index_of_the_graph_around_is_not_that_of_the_copies() -> None:
+    part = {"outputs": {"y": "c.value"}, "blocks": {"c": {"type": "Constant", "value": "$k"}}}
+    plain = {
+        "params": {"index": 7},
+        "blocks": {"many": {**part, "repeat": 2, "params": {"k": "$index"}}},
+        "probes": {"y": "many.y"},
+        "run": {"dt": 0.1, "until": 0.1},
+    }
+    assert runtime.load(plain).run()["y"][0].tolist() == [7.0, 7.0]
+    with pytest.raises(GraphError, match="there is no param 'index'"):
+        inner = {key: value for key, value in plain["blocks"]["many"].items() if key != "repeat"}
+        runtime.load({**plain, "params": {}, "blocks": {"many": inner}}).check()
