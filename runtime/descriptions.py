@@ -1,6 +1,6 @@
 """Descriptions of blocks and options, from their own declarations: as text, Markdown and data.
 
-In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks.md or as
+In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks or as
 plain data; nothing is written down twice::
 
     param_row("dt", LQR.spec.params["dt"])    # name, what is expected, default, documentation
@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 import sys
 from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +88,15 @@ def describe_text(cls: type[Block]) -> str:
 
 
 def describe_markdown(cls: type[Block]) -> str:
-    """The description of a block for docs/blocks.md."""
-    first, _, rest = (inspect.getdoc(cls) or "").partition("\n")
-    lines = [f"## {cls.__name__}", "", first, ""]
-    if rest.strip():
-        lines += ["```text", rest.strip("\n"), "```", ""]
+    """The description of a block for its page in docs/blocks."""
+    paragraphs = (inspect.getdoc(cls) or "").split("\n\n")
+    lines = [f"## {cls.__name__}", ""]
+    for is_code, together in groupby(paragraphs, key=_is_code):
+        if is_code:
+            text = "\n\n".join(together).strip("\n").replace("``", "")
+            lines += ["```text", text, "```", ""]
+        else:
+            lines += [line for text in together for line in (_prose(text), "")]
     for title, rows in _tables(cls):
         lines += [f"| {title} | | | |", "|---|---|---|---|"]
         for name, kind, default, text in rows:
@@ -101,6 +107,22 @@ def describe_markdown(cls: type[Block]) -> str:
     if through:
         lines += [f"`bypass` wires `{through[0]}` straight to `{through[1]}`.", ""]
     return "\n".join(lines)
+
+
+# What Markdown would read as a mark in "K [along, lateral]", "s_i * x" or "<path>".
+MARKS = re.compile(r"([\\*_\[\]<>#~|$])")
+
+
+def _is_code(text: str) -> bool:
+    """Whether a paragraph of a docstring is a drawing, or equations below each other."""
+    rows = text.strip("\n").split("\n")
+    return rows[0].startswith("    ") or "─▶ [" in text or any("  " in row.strip() for row in rows)
+
+
+def _prose(text: str) -> str:
+    """A paragraph of a docstring in Markdown."""
+    parts = text.split("``")  # every second one is code
+    return "`".join(part if i % 2 else MARKS.sub(r"\\\1", part) for i, part in enumerate(parts))
 
 
 def describe_json(cls: type[Block]) -> dict[str, Any]:

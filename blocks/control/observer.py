@@ -8,7 +8,9 @@ In: measurements, and the command of the plant. Out: an estimate of its states::
 
 from __future__ import annotations
 
+import math
 from abc import ABC
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import ClassVar
 
@@ -29,6 +31,7 @@ from blocks.core import (
     Vector,
     covariance_fault,
     param,
+    rate_note,
     size_of,
 )
 
@@ -100,6 +103,12 @@ class _SteadyState(Block, ABC):
             if given[port] != size and (given[port] or port == "measurement"):
                 message = f"has {size} numbers in {port}, but {given[port]} are wired to it"
                 raise ParameterError([("plant" if self.plant is not None else "A", message)])
+
+    def notes(self, context: BlockContext, steps: Mapping[str, tuple[float, ...]]) -> Iterable[str]:
+        for i, step in enumerate(steps.get("measurement", ())):
+            if context.dt * (1.0 + 1e-6) < step < math.inf:
+                way = "use a KalmanFilter, whose measurements have a dt each"
+                yield rate_note(f"measurement[{i}]", step, context.dt, way)
 
     def design(self, context: BlockContext) -> tuple[FloatArray, Model]:
         """L (n, p), and the model that it is for.

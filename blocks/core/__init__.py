@@ -29,7 +29,7 @@ from blocks.core.expressions import (
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.graph_input import GraphInput
-from blocks.core.hints import hint
+from blocks.core.hints import hint, rate_note
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -187,6 +187,7 @@ __all__ = [
     "polynomials",
     "portable",
     "product",
+    "rate_note",
     "read_expressions",
     "require",
     "show",

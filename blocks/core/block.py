@@ -242,6 +242,16 @@ class Block:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""
         return ""
 
+    def notes(self, context: BlockContext, steps: Mapping[str, tuple[float, ...]]) -> Iterable[str]:
+        """What looks wrong but can run, one text each, after :meth:`validate_in`.
+
+        Parameters
+        ----------
+        steps : for each input that is wired, how long each of its numbers stays the same (s): 0
+            where it moves between ticks, infinity where it is constant.
+        """
+        return ()
+
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 

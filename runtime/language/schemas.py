@@ -12,7 +12,7 @@ from typing import Any
 
 from blocks.core import TYPES, Block, GraphInput, Param
 from blocks.registry import BUILTIN
-from runtime.descriptions import describe_markdown, param_row, summary
+from runtime.descriptions import param_row, summary
 from runtime.document import PART_SECTIONS, RUN_CHOICES, RUN_DOCS, RUN_KEYS, SECTIONS
 from runtime.experiments.design import KEYS, PLAN_KEYS
 from runtime.language.keys import (
@@ -140,7 +140,7 @@ def _type_branch(name: str, cls: type[Block]) -> Schema:
     }
     inside = dict.fromkeys(BLOCK_KEYS, ANY)
     inside |= {key: param_schema(key, param) for key, param in cls.spec.params.items()}
-    then = _object(inside) | {"description": describe_markdown(cls).split("\n\n")[1]}
+    then = _object(inside) | {"description": summary(cls)}
     return {"if": condition, "then": then}
 
 

@@ -41,6 +41,7 @@ from runtime.network.initial import read_initial
 from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.open_inputs import open_notes, report_open_inputs
 from runtime.network.ports import check_defaults, input_entries, with_ports
+from runtime.network.rates import rate_notes
 from runtime.network.removal import remove
 from runtime.network.sampling import sampling
 from runtime.network.scope import INPUTS, Scope
@@ -132,6 +133,8 @@ def judge(
         report_open(network, problems)
     missing = check_contexts(network, problems) if can_run else None
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
+    if can_run and not problems.items:
+        network = network.changed(notes=(*network.notes, *rate_notes(network)))
     return network, extra
 
 

@@ -131,6 +131,24 @@ def block_input(block: Block) -> str:
     return next(name for name, port in block.spec.inputs.items() if port.type == blocks.Same("T"))
 
 
+def some_stamps(draw: np.random.Generator) -> Any:
+    """Stamps that are new, old, too old, and of nothing yet."""
+    return tuple(draw.choice([-1.0, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3], 2).tolist())
+
+
+# Measurements with a rate and a delay, and with stamps, some of which are late.
+SEVERAL: dict[str, Any] = {
+    "transition": ["p + 0.1*v*cos(t)", "v - 0.2*sin(p) + 0.1*u[0]"],
+    "states": ["p", "v"],
+    "measurements": {
+        "slow": {"observation": "p", "R": 1, "dt": 0.04, "offset": 0.01, "delay": 0.03},
+        "two": {"observation": ["atan2(v, p)", "v"], "R": [[1, 0.1], [0.1, 2]], "angles": [0]},
+        "last": {"observation": "p*v", "R": 0.5},
+    },
+    "Q": [[0.1, 0], [0, 0.1]],
+    "x0": [1, 0.5],
+    "lag": 0.08,
+}
 WANDERING: dict[str, Draw] = {"pose": uniform(1.5, 1.5, 9.0)}
 PUSHING: dict[str, Draw] = {"command": seldom_new(uniform(3.0, 3.0))}
 TRACKING: dict[str, Draw] = {"error": normal(0.3, 0.3, 1.0), "reference": uniform(3.0, 3.0, 9.0)}
@@ -443,8 +461,8 @@ CASES: dict[str, list[Case]] = {
                 x0=[1, 0.5],
                 angles=[0],
             ),
-            absent=True,
         ),
+        Case(blocks.ExtendedKalmanFilter(**SEVERAL), inputs={"stamp": some_stamps}),
     ],
     "DynamicSystem": [
         Case(blocks.DynamicSystem(derivative=["x[1]", "-sin(x[0])"], initial=[1, 0]), free=("x",)),
