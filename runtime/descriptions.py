@@ -183,7 +183,9 @@ def param_row(name: str, declared: Param) -> TableRow:
 def _plain(value: Any) -> Any:
     value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
     # JSON has no infinity; this is how a graph writes it.
-    return ".inf" if isinstance(value, float) and math.isinf(value) else value
+    if isinstance(value, float) and math.isinf(value):
+        return ".inf" if value > 0.0 else "-.inf"
+    return value
 
 
 def _default_text(value: Any) -> str:
