@@ -25,9 +25,9 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due, share_of
+from blocks.core.portable import flush, flush_due
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step
+from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step, share_of_spikes
 from blocks.neural.solving import Solved, decode, decode_each
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -111,12 +111,14 @@ class Decoder(Solved):
         else:
             tuning: Tuning = state.published["spikes"]
             state.groups = tuning.groups
-            self._solve(state, tuning)
+            state.weights[...], state.error = self.solve(state.rng, tuning)
         state.gamma = state.quick = 0.0
         if self.learning is not None:
             n = state.weights.shape[1] // state.groups
             state.gamma = self.learning.learning_rate * state.dt / n
-            state.quick = float(b[0]) if state.by_spikes else share_of(self.learning.tau, state.dt)
+            state.quick = (
+                float(b[0]) if state.by_spikes else share_of_spikes(self.learning.tau, state.dt)
+            )
             if self._rule == "rls":
                 # The first step is then that of PES.
                 np.fill_diagonal(state.inverse, state.gamma)

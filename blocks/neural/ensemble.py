@@ -28,12 +28,12 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due, share_of
+from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
 from blocks.neural.emission import emit_poisson, emit_regular, emit_stochastic
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import EncoderRule, Voja, follow, voja_step
+from blocks.neural.rules import EncoderRule, Voja, follow, share_of_spikes, voja_step
 from blocks.neural.stacks import EnsembleStack
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -195,7 +195,7 @@ class Ensemble(Block):
         self._start_noise(state)
         if isinstance(self.learning, Voja):
             state.rate = self.learning.learning_rate * state.dt
-            state.share = share_of(self.learning.tau, state.dt)
+            state.share = share_of_spikes(self.learning.tau, state.dt)
         # From the states and not from what was drawn: `resume` brings it in line with older states.
         state.scale = state.gain / self.radius
 

@@ -23,7 +23,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, SECOND, Override, dump_yaml
+from runtime.document import DEFAULT_MEMORY, SECOND, Override, arrays_in, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.errors import raised_at
 from runtime.network import Network
@@ -278,6 +278,7 @@ def _manifest(
 ) -> dict[str, Any]:
     network = graph.network
     read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.read.items()}
+    read |= {each.origin: each.digest for _, each in arrays_in(graph.document()) if each.origin}
     return {
         "schema_version": SCHEMA_VERSION,
         "graph": network.title,

@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.document import parse_yaml, rename_files
+from runtime.document import parse_yaml, rename_files, with_folder
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
@@ -206,6 +206,7 @@ def _load(bundle: GraphBundle) -> Graph:
         folder = _write_files(bundle)
         # A path that is absolute stays what it is.
         plain = rename_files(plain, lambda _, path: str(folder / path))
+        plain = with_folder(plain, folder, bundle.files)
     return load(plain)
 
 
