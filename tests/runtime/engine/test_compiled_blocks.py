@@ -46,7 +46,7 @@ ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = (0, 1, 2)
 # Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum", "MPC"}
+PYTHON_ONLY = {"MujocoVacuum", "MPC", "LinearMPC"}
 
 
 @dataclass(frozen=True)
@@ -443,6 +443,31 @@ CASES: dict[str, list[Case]] = {
             )
         ),
         Case(blocks.LinearQuadraticRegulator(**REQUIRED["LinearQuadraticRegulator"])),
+    ],
+    "LinearL1": [
+        Case(blocks.LinearL1(**REQUIRED["LinearL1"])),
+        Case(
+            blocks.LinearL1(
+                A=[[0, 1], [2, 0]], B=[[1, 0], [0, 1]], x0=[1, 2], u0=[3, 4], limit=0.5, filter=20.0
+            ),
+            {"baseline": Vector(2)},
+        ),
+    ],
+    "LinearDisturbanceObserver": [
+        Case(blocks.LinearDisturbanceObserver(**REQUIRED["LinearDisturbanceObserver"])),
+        Case(
+            blocks.LinearDisturbanceObserver(
+                A=[[1, 0.1], [0, 1]],
+                B=[[0.1, 0], [0, 0.1]],
+                C=[[1, 0], [0, 1]],
+                Q=[0.1, 0.1],
+                R=[0.1, 0.2],
+                D=[0.1, 0.3],
+                x0=[1, 2],
+                u0=[3, 4],
+                initial=[0, 1],
+            )
+        ),
     ],
     "SteadyStateKalman": [Case(blocks.SteadyStateKalman(**REQUIRED["SteadyStateKalman"]))],
     "DiscreteSteadyStateKalman": [
