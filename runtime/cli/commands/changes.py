@@ -35,11 +35,7 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
         ("--set", "PATH=YAML", "set an entry: blocks.lqr.q='[1, 1, 1]', params.v_r=2"),
         ("--wire", "INPUT=OUTPUT", "wire an input: lqr.error=error.state"),
         ("--without", "NAME[,NAME]", "remove blocks with their wires"),
-        (
-            "--bypass",
-            "NAME[,NAME]",
-            "replace blocks by a direct wire from their input to their output",
-        ),
+        ("--bypass", "NAME[,NAME]", "wire what goes into blocks to where their output goes"),
         ("--replace", "NAME=TYPE[,...]", "replace a block by one of another type"),
         (
             "--discretize",

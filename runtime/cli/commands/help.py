@@ -13,9 +13,9 @@ runtime help run
 runtime help changes
 """
 ABOUT = """
-Options that change a graph, for the commands run, validate, draw, explain, linearize, ablate, sweep,
-tune, fit and export. They are applied in the order written, before anything is checked or run; the
-file itself stays as it is.
+Options that change a graph, for the commands run, validate, draw, explain, linearize, ablate,
+sweep, tune, fit and export. They are applied in the order written, before anything is checked or
+run; the file itself stays as it is.
 """
 OF_CHANGES = """
 runtime run my.yaml --without adaptive --seed 3

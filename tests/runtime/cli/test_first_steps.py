@@ -109,7 +109,7 @@ def test_blocks_are_listed_by_family_and_found_by_a_word(cli: Run) -> None:
     assert "UnitDelay" in found
     assert "LinePath" not in found
     assert cli("blocks", "--search", "zzzz").stderr == (
-        "no block type has 'zzzz' in its name or description\n"
+        "nothing has 'zzzz' in its name or description\n"
     )
 
 
@@ -292,7 +292,8 @@ def test_a_part_in_place_of_a_graph_is_one_problem(cli: Run) -> None:
     done = cli("run", "parts/adaptive_snn")
     assert done.returncode == 2
     (line,) = [line for line in done.stderr.splitlines() if ".yaml:" in line]
-    assert line.endswith("a part runs inside a graph: {name: {graph: FILE}}")
+    assert "speed_input, speed_error, turn_input, turn_error have no defaults" in line
+    assert line.endswith("{name: {graph: FILE}}, needs none")
 
 
 @pytest.mark.parametrize(
@@ -317,9 +318,9 @@ def test_shipped_graphs_are_searched_by_word_and_by_block(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert run(["graphs", "gallery", "--search", "thermoSTAT"]) == 0
-    assert capsys.readouterr().out.split()[:6] == "gallery (run one: runtime run".split() + [
-        "gallery/NAME)"
-    ]
+    group, found = capsys.readouterr().out.splitlines()
+    assert group.startswith("gallery (run one")
+    assert found.split()[0] == "thermostat"
     assert run(["graphs", "--search", "type: Relay", "--json"]) == 0
     assert "thermostat" in json.loads(capsys.readouterr().out)["gallery"]
     assert run(["graphs", "--search", "no such word"]) == 2
