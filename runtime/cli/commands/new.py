@@ -47,9 +47,7 @@ def run(options: Namespace) -> int:
     starters = shipped("starters")
     if options.file is None:
         show(table([(each.name, each.summary) for each in starters], indent=""))
-        show(
-            "\n'runtime new my.yaml --from NAME' writes one, or a copy of any graph of 'runtime graphs'"
-        )
+        show("\n'runtime new my.yaml --from NAME' writes one, or any of 'runtime graphs'")
         return 0
     target = Path(options.file)
     if target.suffix not in (".yaml", ".yml"):
