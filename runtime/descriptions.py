@@ -145,6 +145,7 @@ def describe_json(cls: type[Block]) -> dict[str, Any]:
                 "required": p.required,
                 "default": None if p.required else _plain(p.default),
                 "doc": p.doc,
+                "tunable": p.tunable,
             }
             for n, p in spec.params.items()
         },
@@ -177,7 +178,8 @@ def _output(name: str, port: Output) -> TableRow:
 def param_row(name: str, declared: Param) -> TableRow:
     """Name, what is expected, default and documentation of a parameter or option."""
     default = "required" if declared.required else _default_text(declared.default)
-    return name, declared.describe(), default, declared.doc
+    doc = f"{declared.doc}; may change during a run" if declared.tunable else declared.doc
+    return name, declared.describe(), default, doc
 
 
 def _plain(value: Any) -> Any:
