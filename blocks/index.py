@@ -122,6 +122,7 @@ TYPES = {
     "DoubleIntegrator": "plants.masses",
     "MassSpringDamper": "plants.masses",
     "Pendulum": "plants.pendulums",
+    "PlanarArm": "plants.arms",
     "TwoLinkArm": "plants.arms",
     "MujocoVacuum": "mujoco.vacuum",
 }

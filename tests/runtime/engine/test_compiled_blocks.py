@@ -525,6 +525,10 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.DoubleIntegrator(), {"acceleration": kind}, free=("x", "v"))
         for kind in (Scalar, Twist, Vector(3))
     ],
+    "PlanarArm": [
+        Case(blocks.PlanarArm(**REQUIRED["PlanarArm"]), free=("x",)),
+        Case(blocks.PlanarArm(lengths=[0.5], masses=[1.0], friction=0.1), free=("x",)),
+    ],
     "TwoLinkArm": [Case(blocks.TwoLinkArm(friction=[0.1, 0.2]), free=("x",))],
     "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],
     "Hold": elementwise(blocks.Hold()),
