@@ -35,6 +35,7 @@ TYPES = {
     "Decoder": "neural.decoder",
     "Ensemble": "neural.ensemble",
     "RateEnsemble": "neural.adaptive",
+    "SynapticFilter": "neural.filter",
     "Weights": "neural.weights",
     "Lidar": "world.lidar",
     "WallFitter": "wall_fitting.fitter",
@@ -122,6 +123,7 @@ TYPES = {
     "DoubleIntegrator": "plants.masses",
     "MassSpringDamper": "plants.masses",
     "Pendulum": "plants.pendulums",
+    "PlanarArm": "plants.arms",
     "TwoLinkArm": "plants.arms",
     "MujocoVacuum": "mujoco.vacuum",
 }

@@ -221,6 +221,13 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
         Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
     ],
+    "SynapticFilter": [
+        Case(blocks.SynapticFilter(synapse="triangle(0.005)"), dt=0.001),
+        Case(
+            blocks.SynapticFilter(synapse={"type": "linear", "num": [1, 2], "den": [1, 30]}),
+            dt=0.001,
+        ),
+    ],
     "Weights": [Case(blocks.Weights(weights=WEIGHTS, learning={"rule": "bcm"}), dt=0.001)],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),
@@ -524,6 +531,10 @@ CASES: dict[str, list[Case]] = {
     "DoubleIntegrator": [
         Case(blocks.DoubleIntegrator(), {"acceleration": kind}, free=("x", "v"))
         for kind in (Scalar, Twist, Vector(3))
+    ],
+    "PlanarArm": [
+        Case(blocks.PlanarArm(**REQUIRED["PlanarArm"]), free=("x",)),
+        Case(blocks.PlanarArm(lengths=[0.5], masses=[1.0], friction=0.1), free=("x",)),
     ],
     "TwoLinkArm": [Case(blocks.TwoLinkArm(friction=[0.1, 0.2]), free=("x",))],
     "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],
