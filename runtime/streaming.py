@@ -48,7 +48,7 @@ def release(array: FloatArray) -> None:
         base.madvise(mmap.MADV_DONTNEED)
 
 
-def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
+def save_arrays(path: Path | BinaryIO, arrays: Mapping[str, FloatArray]) -> None:
     """Write arrays like :func:`numpy.savez`, without loading them into memory."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():

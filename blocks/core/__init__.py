@@ -28,7 +28,8 @@ from blocks.core.expressions import (
     signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
-from blocks.core.hints import hint
+from blocks.core.graph_input import GraphInput
+from blocks.core.hints import hint, rate_note
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -91,7 +92,8 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
-from blocks.core.state_shapes import started, state_lengths, state_shape
+from blocks.core.state_shapes import retune, started, state_lengths, state_shape
+from blocks.core.stored_arrays import StoredArray
 from blocks.core.variants import Variant
 
 __all__ = [
@@ -119,6 +121,7 @@ __all__ = [
     "ExpressionError",
     "Expressions",
     "FloatArray",
+    "GraphInput",
     "Input",
     "IntArray",
     "MissingPackageError",
@@ -141,6 +144,7 @@ __all__ = [
     "SignalType",
     "Spikes",
     "State",
+    "StoredArray",
     "TrackingState",
     "Twist",
     "TwistValue",
@@ -183,8 +187,10 @@ __all__ = [
     "polynomials",
     "portable",
     "product",
+    "rate_note",
     "read_expressions",
     "require",
+    "retune",
     "show",
     "signal_type",
     "signed_distance",

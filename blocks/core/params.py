@@ -21,6 +21,7 @@ from blocks.core.hints import hint
 from blocks.core.names import Names
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
+from blocks.core.stored_arrays import StoredArray, as_written
 
 REQUIRED: Any = object()
 USUAL_ANGLES = {"rad": math.tau, "rad/s": 3.0 * math.tau}  # larger ones may be degrees
@@ -73,6 +74,7 @@ class Param:
     finite: bool
     name: str
     kind: ParamKind = "float"
+    tunable: bool = False
     setting: type[Setting] | None = None
 
     @property
@@ -227,6 +229,7 @@ def param(
     shape: ArrayShape | Sequence[ArrayShape] = (),
     finite: bool = True,
     name: str = "",
+    tunable: bool = False,
 ) -> Any:
     """Declare a parameter of a block; its type is the annotation beside it.
 
@@ -242,6 +245,8 @@ def param(
         parameter of that name, None any size.
     finite : False accepts ``inf``.
     name : the name in graphs, if it differs from the attribute's.
+    tunable : whether it may change while a run goes on. The shapes of states do not depend on it,
+        and what ``start`` computes from it is in cached states or attributes, never in memory.
 
     Raises
     ------
@@ -265,6 +270,7 @@ def param(
         shapes=shapes,
         finite=finite,
         name=name,
+        tunable=tunable,
     )
 
 
@@ -302,7 +308,7 @@ def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
 def plain(value: Any) -> Any:
     """A parameter's value as graphs write it; a user's own signal type stays as it is."""
     if isinstance(value, np.ndarray):
-        return value.tolist()
+        return as_written(value)
     if isinstance(value, tuple):
         return list(value)
     if isinstance(value, Mapping):
@@ -327,6 +333,8 @@ def show(value: Any) -> str:
         return f"the string '{text}'"
     if isinstance(value, dict):
         return "a mapping"
+    if isinstance(value, StoredArray):
+        value = value.values
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
     if isinstance(value, (list, tuple)):
@@ -408,6 +416,8 @@ def _numbers(value: Any) -> dict[str, float]:
 
 
 def _array(value: Any) -> FloatArray:
+    if isinstance(value, StoredArray):
+        return value.values
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "fiu":
             raise TypeError

@@ -25,9 +25,9 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due, share_of
+from blocks.core.portable import flush, flush_due
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step
+from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step, share_of_spikes
 from blocks.neural.solving import Solved, decode, decode_each
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -63,9 +63,9 @@ class Decoder(Solved):
     pending = State("errors", doc="learn times the error of the last tick")
     inverse = State("squared", "squared", doc="P of recursive least squares")
 
-    def sizes(self) -> dict[str, int]:
-        order = self.synapse.order if self.filter == "value" else 0
-        return {**super().sizes(), "order": order}
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        order = self.synapse.order_at(context.dt) if self.filter == "value" else 0
+        return {**self.sizes(), "order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         inferred = dict(super().infer(lengths))
@@ -111,12 +111,14 @@ class Decoder(Solved):
         else:
             tuning: Tuning = state.published["spikes"]
             state.groups = tuning.groups
-            self._solve(state, tuning)
+            state.weights[...], state.error = self.solve(state.rng, tuning)
         state.gamma = state.quick = 0.0
         if self.learning is not None:
             n = state.weights.shape[1] // state.groups
             state.gamma = self.learning.learning_rate * state.dt / n
-            state.quick = float(b[0]) if state.by_spikes else share_of(self.learning.tau, state.dt)
+            state.quick = (
+                float(b[0]) if state.by_spikes else share_of_spikes(self.learning.tau, state.dt)
+            )
             if self._rule == "rls":
                 # The first step is then that of PES.
                 np.fill_diagonal(state.inverse, state.gamma)
@@ -188,7 +190,7 @@ class Decoder(Solved):
         value: FloatArray,
     ) -> None:
         if not state.by_spikes and len(state.b) > 0:
-            # Only a filter of the second order needs its input again.
+            # A filter of the first order needs its input no more.
             decoded = value if len(state.b) == 1 else decode(state.weights, spikes, state.groups)
             remember(state.filtered, state.a, state.b, decoded, value)
         if state.rule != "" or state.by_spikes:

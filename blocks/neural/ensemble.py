@@ -28,12 +28,12 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due, share_of
+from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
 from blocks.neural.emission import emit_poisson, emit_regular, emit_stochastic
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import EncoderRule, Voja, follow, voja_step
+from blocks.neural.rules import EncoderRule, Voja, follow, share_of_spikes, voja_step
 from blocks.neural.stacks import EnsembleStack
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -126,13 +126,16 @@ class Ensemble(Block):
     noisy = State("noise_order", "total", name="filtered_noise", doc="the noise_synapse's states")
 
     def sizes(self) -> dict[str, int]:
-        order = self.noise_synapse.order if self.noise is not None else 0
-        sizes = {"neurons": self.neurons, "noise_order": order}
+        sizes = {"neurons": self.neurons}
         if self.groups:
             sizes |= {"groups": self.groups, "total": self.neurons * self.groups}
         if self.dimensions is not None:
             sizes["d"] = self.dimensions
         return sizes
+
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        order = 0 if self.noise is None else self.noise_synapse.order_at(context.dt)
+        return {**self.sizes(), "noise_order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         groups = self.groups or lengths.get("d", 0)
@@ -195,7 +198,7 @@ class Ensemble(Block):
         self._start_noise(state)
         if isinstance(self.learning, Voja):
             state.rate = self.learning.learning_rate * state.dt
-            state.share = share_of(self.learning.tau, state.dt)
+            state.share = share_of_spikes(self.learning.tau, state.dt)
         # From the states and not from what was drawn: `resume` brings it in line with older states.
         state.scale = state.gain / self.radius
 

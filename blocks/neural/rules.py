@@ -17,6 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from blocks.core import FloatArray, Variant, kernel_of, param
+from blocks.core.portable import share_of
 
 
 class DecoderRule(Variant, root=True):
@@ -26,7 +27,9 @@ class DecoderRule(Variant, root=True):
     expected: ClassVar[str] = "a learning rule"
 
     learning_rate: float = param(1e-4, at_least=0.0, doc="kappa; 0 freezes the weights")
-    tau: float = param(0.005, unit="s", above=0.0, doc="time constant of the activities")
+    tau: float = param(
+        0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
+    )
 
 
 class PES(DecoderRule, label="pes"):
@@ -53,7 +56,9 @@ class Voja(EncoderRule, label="voja"):
     """e_i += kappa dt s_i (x - e_i): active neurons turn to the input (Voelker et al., 2014)."""
 
     learning_rate: float = param(1e-2, at_least=0.0, doc="kappa; 0 freezes the encoders")
-    tau: float = param(0.005, unit="s", above=0.0, doc="time constant of the activities")
+    tau: float = param(
+        0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
+    )
 
 
 class WeightRule(Variant, root=True):
@@ -63,7 +68,9 @@ class WeightRule(Variant, root=True):
     expected: ClassVar[str] = "a learning rule"
 
     learning_rate: float = param(1e-9, at_least=0.0, doc="kappa; 0 freezes the weights")
-    tau: float = param(0.005, unit="s", above=0.0, doc="time constant of the activities")
+    tau: float = param(
+        0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
+    )
 
 
 class BCM(WeightRule, label="bcm"):
@@ -78,6 +85,11 @@ class Oja(WeightRule, label="oja"):
 
     learning_rate: float = param(1e-6, at_least=0.0, doc="kappa; 0 freezes the weights")
     beta: float = param(1.0, at_least=0.0, doc="weight of forgetting")
+
+
+def share_of_spikes(tau: float, dt: float) -> float:
+    """What :func:`follow` takes of the spikes of a step: all of them without a time constant."""
+    return share_of(tau, dt) if tau > 0.0 else 1.0
 
 
 def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
@@ -230,39 +242,55 @@ def _voja_kernel(
 
 
 def bcm_step(
-    weights: FloatArray, before: FloatArray, after: FloatArray, theta: FloatArray, rate: float
+    weights: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    theta: FloatArray,
+    rates: FloatArray,
 ) -> None:
-    """W += rate p (p - theta) s'."""
+    """W_ij += rate_i p_i (p_i - theta_i) s_j."""
     # Rows of silent neurons do not change, and most are silent.
-    factor = rate * after * (after - theta)
+    factor = rates * after * (after - theta)
     for row in factor.nonzero()[0].tolist():
         weights[row] += factor[row] * before
 
 
 @kernel_of(bcm_step)
 def _bcm_kernel(
-    weights: FloatArray, before: FloatArray, after: FloatArray, theta: FloatArray, rate: float
+    weights: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    theta: FloatArray,
+    rates: FloatArray,
 ) -> None:
     for row in range(len(after)):
-        factor = rate * after[row] * (after[row] - theta[row])
+        factor = rates[row] * after[row] * (after[row] - theta[row])
         for i in range(len(before)):
             weights[row, i] += factor * before[i]
 
 
 def oja_step(
-    weights: FloatArray, before: FloatArray, after: FloatArray, rate: float, beta: float
+    weights: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    rates: FloatArray,
+    forgets: float,
 ) -> None:
-    """W += rate (p s' - beta p^2 W)."""
-    factor, forget = rate * after, rate * beta * after * after
+    """W_ij += rate_i p_i s_j - forgets p_i^2 W_ij."""
+    factor, forget = rates * after, forgets * after * after
     for row in factor.nonzero()[0].tolist():
         weights[row] += factor[row] * before - forget[row] * weights[row]
 
 
 @kernel_of(oja_step)
 def _oja_kernel(
-    weights: FloatArray, before: FloatArray, after: FloatArray, rate: float, beta: float
+    weights: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    rates: FloatArray,
+    forgets: float,
 ) -> None:
     for row in range(len(after)):
-        factor, forget = rate * after[row], rate * beta * after[row] * after[row]
+        factor, forget = rates[row] * after[row], forgets * after[row] * after[row]
         for i in range(len(before)):
             weights[row, i] += factor * before[i] - forget * weights[row, i]

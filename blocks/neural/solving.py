@@ -192,35 +192,35 @@ class Solved(Block, ABC):
         count = max(count, min(2 * n, MANY_POINTS)) if self.points is None else self.points
         return distribution.draw(rng, count, d) * radius
 
-    def _solve(self, state: BlockState, tuning: Tuning) -> None:
-        """Solve the weights of each group, and note the error on the points."""
-        n, errors = tuning.neurons, []
+    def solve(self, rng: np.random.Generator, tuning: Tuning) -> tuple[FloatArray, float]:
+        """The weights (rows, groups * n), solved for each group, and the error on the points."""
+        n, solved, errors = tuning.neurons, [], []
         for group in range(tuning.groups):
             # Each group has points of its own, as each ensemble of Nengo's has: with shared ones
             # the errors of the groups would be alike.
-            points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
+            points = self._points(rng, n, tuning.dimensions, tuning.radius)
             try:
                 targets = self._targets(points)
             except PointError as error:
                 raise ParameterError([("function", str(error))], type(self).__name__) from None
-            if not targets.any():
-                errors.append(0.0)  # nothing to solve: the weights are zero
-                continue
-            rates = tuning.rates(points, group)
-            try:
-                decoders = self.solver.solve(rates, targets, state.rng)
-            except SingularError as error:
-                raise ParameterError([("solver", str(error))], type(self).__name__) from None
-            errors.append(rmse(rates, targets, decoders))
-            weights = decoders.T
-            if self.transform is not None:
-                weights = (
-                    weights * self.transform
-                    if self.transform.ndim == 0
-                    else ((self.transform[:, :, None] * weights[None]).sum(axis=1))
-                )
-            state.weights[:, group * n : (group + 1) * n] = weights
-        state.error = math.sqrt(sum(e * e for e in errors) / len(errors))
+            decoders, wrong = np.zeros((n, targets.shape[1])), 0.0
+            if targets.any():  # else there is nothing to solve: the weights are zero
+                rates = tuning.rates(points, group)
+                try:
+                    decoders = self.solver.solve(rates, targets, rng)
+                except SingularError as error:
+                    raise ParameterError([("solver", str(error))], type(self).__name__) from None
+                wrong = rmse(rates, targets, decoders)
+            errors.append(wrong)
+            solved.append(self._transformed(decoders.T))
+        return np.hstack(solved), math.sqrt(sum(e * e for e in errors) / len(errors))
+
+    def _transformed(self, weights: FloatArray) -> FloatArray:
+        if self.transform is None:
+            return weights
+        if self.transform.ndim == 0:
+            return weights * self.transform
+        return np.asarray((self.transform[:, :, None] * weights[None]).sum(axis=1))
 
 
 def decode(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:

@@ -28,10 +28,15 @@ from blocks.core import (
     Vector,
     kernel_of,
     param,
+    product,
 )
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.connections import PerConnection
-from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step
+from blocks.neural.decoded_function import DecodedFunction
+from blocks.neural.decoder import Decoder
+from blocks.neural.decoder_solvers import DecoderSolver
+from blocks.neural.ensemble import Ensemble
+from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step, share_of_spikes
 from blocks.neural.solving import decode
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -52,6 +57,8 @@ class Weights(Block):
     Wire ``current`` to an Ensemble's input of that name, and for learning its spikes to ``post``.
     ``weights`` and ``delay`` are numbers, matrices, distributions, or rules of i, the neuron that a
     connection leads to, of m, and j, the one that it comes from, of n: exp(cos(2*pi*(i - j)/n)).
+    With a ``solver`` in place of weights, W = encoders @ D / radius: encoders after the weights,
+    whose spikes are wired to ``post``, and the decoders D of a function of what comes before.
     With ``probability``, each connection exists with that chance, and one that does not never
     learns. Delays are whole steps, one at least; rules of learning see spikes as they arrive here.
     """
@@ -61,7 +68,15 @@ class Weights(Block):
     learn = Input(Scalar, default=1.0, doc="factor on the learning rate: 0 pauses learning")
     current = Output(Vector("m"), doc="current into the neurons after the weights")
 
-    initial: PerConnection = param(name="weights", doc="weights, a row per neuron they lead to")
+    initial: PerConnection | None = param(
+        None, name="weights", doc="weights, a row per neuron they lead to"
+    )
+    solver: DecoderSolver | None = param(
+        None, doc="solver of weights between two ensembles, in place of weights that are given"
+    )
+    function: DecodedFunction | None = param(
+        None, doc="with a solver: expressions of x, what comes before represents; default x itself"
+    )
     probability: float | None = param(
         None, at_least=0.0, at_most=1.0, doc="of each connection to exist; default all of them do"
     )
@@ -82,14 +97,19 @@ class Weights(Block):
     theta = State("m", unit="1/s", doc="threshold of bcm")
 
     def sizes(self) -> dict[str, int]:
-        sizes = {"order": self.synapse.order}
-        if self.initial.fixed is not None and self.initial.fixed.ndim == 2:
+        sizes: dict[str, int] = {}
+        if (
+            self.initial is not None
+            and self.initial.fixed is not None
+            and self.initial.fixed.ndim == 2
+        ):
             sizes["m"], sizes["n"] = self.initial.fixed.shape
         return sizes
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
         m = context.types["current"].shape[0]
-        sizes = {**self.sizes(), "slots": 0, "delayed": 0}
+        order = self.synapse.order_at(context.dt)
+        sizes = {**self.sizes(), "order": order, "slots": 0, "delayed": 0}
         sizes["some"] = 0 if self.probability is None or self.learning is None else m
         if self.delay is not None:
             try:
@@ -100,12 +120,21 @@ class Weights(Block):
             sizes |= {"slots": max(1, round(longest / context.dt)) + 1, "delayed": m}
         return sizes
 
+    def validate(self) -> None:
+        if (self.initial is None) == (self.solver is None):
+            message = "expected weights, or a solver of them; give one of the two"
+            raise ParameterError([("weights", message)])
+        if self.function is not None and self.solver is None:
+            raise ParameterError([("function", "weights that are given are used as they are")])
+
     def validate_in(self, context: BlockContext) -> None:
         wires = len(context.terms["post"])
+        if self.solver is not None:
+            self._validate_solver(context)
         if self.learning is not None and not wires:
             message = "learns from the spikes after the weights: wire them to 'post'"
             raise ParameterError([("learning", f"{self.learning.label} {message}")])
-        if wires and self.learning is None:
+        if wires and self.learning is None and self.solver is None:
             message = "'post' is wired but nothing learns; add {rule: bcm} or remove the wire"
             raise ParameterError([("learning", message)])
         m, n = context.types["current"].shape[0], context.types["spikes"].shape[0]
@@ -123,9 +152,32 @@ class Weights(Block):
         if problems:
             raise ParameterError(problems)
 
+    def _validate_solver(self, context: BlockContext) -> None:
+        ends = [context.published.get(name) for name in ("spikes", "post")]
+        for name, end in zip(("spikes", "post"), ends, strict=True):
+            if not isinstance(end, Ensemble):
+                message = f"a solver needs the spikes of an Ensemble at '{name}'"
+                raise ParameterError([("solver", message)])
+            if end.groups != 1:
+                message = "expected ensembles without groups, for each of which weights are solved"
+                raise ParameterError([("solver", message)])
+
+    def _solved(self, state: BlockState) -> FloatArray:
+        """Weights (m, n): the encoders after them times the decoders of what comes before."""
+        before, after = state.published["spikes"], state.published["post"]
+        decoders, _ = Decoder(function=self.function, solver=self.solver).solve(state.rng, before)
+        if len(decoders) != after.dimensions:
+            message = f"the function has {len(decoders)} components, and the ensemble behind it "
+            message += f"{after.dimensions} dimensions"
+            raise ParameterError([("function", message)], type(self).__name__)
+        return product(after.encoders / after.radius, decoders)
+
     def start(self, state: BlockState) -> None:
         shape = state.weights.shape
-        state.weights[...] = self.initial.draw(state.rng, *shape)
+        if self.initial is None:
+            state.weights[...] = self._solved(state)
+        else:
+            state.weights[...] = self.initial.draw(state.rng, *shape)
         if self.probability is not None:
             exists = state.rng.random(shape) < self.probability
             state.weights *= exists
@@ -139,7 +191,14 @@ class Weights(Block):
         state.rate = state.share = state.slow = state.beta = 0.0
         if self.learning is not None:
             state.rate = self.learning.learning_rate * state.dt
-            state.share = share_of(self.learning.tau, state.dt)
+        state.rates = np.full(shape[0], state.rate)
+        if self.solver is not None:
+            # Nengo's solved weights have the neurons' gains in them, and its rules change those;
+            # ours are multiplied by the gains in the Ensemble behind.
+            gain = state.published["post"].gain
+            state.rates[gain != 0.0] /= gain[gain != 0.0]
+        if self.learning is not None:
+            state.share = share_of_spikes(self.learning.tau, state.dt)
         if isinstance(self.learning, BCM):
             state.slow = share_of(self.learning.theta_tau, state.dt)
         if isinstance(self.learning, Oja):
@@ -200,12 +259,13 @@ class Weights(Block):
         if len(post) > 0:
             follow(state.before, spikes, state.share)
             follow(state.after, post[0], state.share)
-            rate = state.rate * learn
+            rates = learn * state.rates
             if state.rule == "bcm":
                 follow(state.theta, post[0], state.slow)
-                bcm_step(state.weights, state.before, state.after, state.theta, rate)
+                bcm_step(state.weights, state.before, state.after, state.theta, rates)
             if state.rule == "oja":
-                oja_step(state.weights, state.before, state.after, rate, state.beta)
+                forgets = state.rate * learn * state.beta
+                oja_step(state.weights, state.before, state.after, rates, forgets)
             if len(state.exists) > 0:
                 state.weights *= state.exists
         if flush_due(t, state.dt):

@@ -1,4 +1,4 @@
-"""Sources: signals that are functions of time, tables over time, files, and noise."""
+"""Sources: signals that are functions of time, tables over time, files, noise, and trials."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ if TYPE_CHECKING:
     from blocks.sources.noise import PinkNoise, RandomWalk, WhiteNoise, WhiteSignal
     from blocks.sources.recorded import FromFile
     from blocks.sources.time_tables import Piecewise
+    from blocks.sources.trials import Trials, Vocabulary
     from blocks.sources.waveforms import Chirp, Clock, Pulse, Ramp, Sine, Step
 else:
     __getattr__ = door(__name__)
 
 __all__ = ["Chirp", "Clock", "FromFile", "Piecewise", "Pulse", "Ramp", "RandomWalk", "Sine"]
-__all__ += ["PinkNoise", "Step", "WhiteNoise", "WhiteSignal"]
+__all__ += ["PinkNoise", "Step", "Trials", "Vocabulary", "WhiteNoise", "WhiteSignal"]

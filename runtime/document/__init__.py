@@ -11,6 +11,13 @@ contains, in which ``$names`` are not filled in yet; or every problem with its p
 Every change returns a new tree that shares what it does not change.
 """
 
+from runtime.document.arrays import (
+    array_values,
+    arrays_beside,
+    arrays_in,
+    replace_arrays,
+    with_folder,
+)
 from runtime.document.edits import (
     Override,
     add_block,
@@ -98,6 +105,9 @@ __all__ = [
     "add_entry",
     "add_names",
     "add_wire",
+    "array_values",
+    "arrays_beside",
+    "arrays_in",
     "check_keys",
     "closest",
     "complete_document",
@@ -124,6 +134,7 @@ __all__ = [
     "read_run",
     "read_seed",
     "rename_files",
+    "replace_arrays",
     "seconds",
     "section",
     "set_entry",
@@ -131,5 +142,6 @@ __all__ = [
     "shipped_graphs",
     "strings",
     "uses_index",
+    "with_folder",
     "without_unused",
 ]

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from blocks.core import hint
+from runtime.document.arrays import array_values
+from runtime.document.limits import Work
 from runtime.document.node import MAX_DEPTH, Node, from_python
 from runtime.document.sections import PART_SECTIONS, SECTIONS
-from runtime.errors import GraphError, Problem, UsageError, Where
+from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 
 # New entries may be added to these; blocks and run have fixed keys.
 OPEN_SECTIONS = ("run", "params", "wires", "probes", "plots", "metrics")
@@ -82,6 +84,10 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
         message += f"place of this one with --replace {names[-1]}={value}"
         raise GraphError([Problem(where, path, message)])
     node = value if value is None or isinstance(value, Node) else from_python(value, where)
+    if node is not None:
+        problems = Problems()
+        node = array_values(node, path, problems, Work(problems))
+        problems.raise_any()
     return _set(document, _with_blocks(document, names, SECTIONS), node, path, where)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import NoReturn
 
+from blocks.core import StoredArray
 from runtime.document.node import MAX_DEPTH, MAX_NODES, Node
 from runtime.errors import GraphError, Problem, Problems, Where
 
@@ -22,6 +23,7 @@ MAX_BLOCKS = 20_000
 # Enough to read, merge and fill in the largest document once each.
 MAX_WORK = 3 * MAX_NODES
 MAX_VALUE_DEPTH = 10  # of the value of a param; those of parts may hold those of parts around them
+MAX_ARRAY_BYTES = 2 * 2**30  # of all arrays of a graph together, which are held in memory
 STEPS_OF_ITEM = 10  # a number in a list is checked, converted and copied wherever a param puts it
 
 
@@ -59,6 +61,7 @@ class Work:
         self.measure = Measure()
         self.done = 0
         self.blocks = 0
+        self.arrays: dict[StoredArray, int] = {}
 
     def check(self, node: Node, where: Where, address: str) -> None:
         """Refuse a tree that is too large or too deep to be written out and read again.
@@ -107,6 +110,18 @@ class Work:
         self.blocks += 1
         if self.blocks > MAX_BLOCKS:
             self.stop(where, address, f"more than {MAX_BLOCKS} blocks, those of parts included")
+
+    def array(self, array: StoredArray, where: Where, address: str) -> None:
+        """Count an array that a graph holds in memory, however often it names it.
+
+        Raises
+        ------
+        GraphError : all of them take more than :data:`MAX_ARRAY_BYTES`.
+        """
+        self.arrays[array] = array.values.nbytes
+        if sum(self.arrays.values()) > MAX_ARRAY_BYTES:
+            limit = f"{MAX_ARRAY_BYTES // 2**30} GiB"
+            self.stop(where, address, f"the arrays of this graph take more than {limit}")
 
     def stop(self, where: Where, address: str, text: str) -> NoReturn:
         raise GraphError([*self.problems.items, Problem(where, address[:200], text)])

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from blocks.core import hint
+from runtime.document.arrays import with_arrays
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, Value, from_python, parse_yaml
 from runtime.document.parse_errors import position
@@ -96,16 +97,12 @@ def complete_document(
     return complete or document, loader.problems.items
 
 
-def _no_limit(entries: int) -> None:
-    """Set no limit."""
-
-
 def merge(
     base: Node,
     top: Node,
     section: str = "",
     key: str = "",
-    charge: Callable[[int], None] = _no_limit,
+    charge: Callable[[int], None] = lambda entries: None,
 ) -> Node:
     """Merge one tree over another: mappings merge, null deletes, everything else replaces.
 
@@ -328,6 +325,7 @@ class _Loader:
     def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
         """Merge what the document extends, and inline the parts that its blocks name."""
         extends = document.get("extends")
+        document = with_arrays(document, self.problems, self.work)
         # Parts are inlined before the merge, since it asks whether an entry is the same part as the
         # one below (`part` is set by inlining).
         document = self.parts(document.with_item("extends", None), "blocks", above)

@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Protocol, TypeAlias
 
+import numpy as np
 import yaml
 
-from blocks.core import show
+from blocks.core import StoredArray, plain, show
 from runtime.document.parse_errors import explain
 from runtime.document.scalars import in_range, parse_scalar
 from runtime.document.writer import dump_yaml as dump_yaml
@@ -114,6 +115,10 @@ def _from_python(value: Any, where: Where, address: str, depth: int, counter: co
         raise refuse(f"nested more than {MAX_DEPTH} deep")
     if next(counter) > MAX_NODES:
         raise refuse(f"more than {MAX_NODES} values")
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+        value = plain(value)
+    if isinstance(value, StoredArray):
+        return Node(value, where, where)
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -16,6 +16,7 @@ from typing import Any
 
 import yaml
 
+from blocks.core import StoredArray
 from runtime.document.scalars import is_text
 
 _PLAIN = re.compile(r"[A-Za-z_$][A-Za-z0-9_$./-]*")
@@ -33,6 +34,8 @@ def flow_yaml(value: Any) -> str:
         return "{" + ", ".join(f"{flow_yaml(k)}: {flow_yaml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(flow_yaml, value)) + "]"
+    if isinstance(value, StoredArray):
+        return flow_yaml(value.origin or repr(value))
     if isinstance(value, float):
         return _float_text(value)
     if isinstance(value, str):
@@ -88,5 +91,10 @@ def _float_text(number: float) -> str:
     return mantissa + (".0" if "." not in mantissa else "") + e + exponent
 
 
+def _represent_array(dumper: Any, array: StoredArray) -> Any:
+    return dumper.represent_data(array.origin or array.values.tolist())
+
+
+_YamlDumper.add_representer(StoredArray, _represent_array)
 _YamlDumper.add_representer(str, _represent_text)
 _YamlDumper.add_representer(float, _represent_float)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from blocks.core import Block, SignalType
 from blocks.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
-    FILE_SECTIONS,
     Node,
     Override,
     Source,
@@ -19,7 +18,6 @@ from runtime.document import (
     add_entry,
     add_names,
     add_wire,
-    dump_yaml,
     from_python,
     in_order,
     merge,
@@ -30,7 +28,8 @@ from runtime.document import (
 )
 from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import CheckedGraph, Content, check_content
-from runtime.network import Network, discretize, is_variadic, replace_block, source_file
+from runtime.graph.saving import as_text, save, with_modules, without_modules
+from runtime.network import Network, discretize, is_variadic, replace_block
 from runtime.observation import Observation
 
 if TYPE_CHECKING:
@@ -395,9 +394,10 @@ class Graph:
             self.notes,
         )
 
-    def to_dict(self) -> dict[str, Value]:
-        """The graph as plain values, sections in their usual order."""
-        return in_order(self.document.plain())
+    def to_dict(self, *, modules: bool = False) -> dict[str, Value]:
+        """The graph as plain values; ``modules`` adds the files of classes that Python gave."""
+        plain = in_order(self.document.plain())
+        return with_modules(plain, self._content.classes) if modules else plain
 
     @property
     def texts(self) -> dict[str, bytes]:
@@ -412,22 +412,16 @@ class Graph:
 
     def to_yaml(self) -> str:
         """The graph as YAML from which :func:`runtime.load` reads an equal graph."""
-        plain: dict[str, Any] = self.to_dict()
-        for entry in plain.get("blocks", {}).values():
-            cls = self._content.classes.get(entry.get("type", ""))
-            if cls is not None and "module" not in entry:
-                entry["module"] = source_file(cls)
-        return dump_yaml(plain)
+        return as_text(self.to_dict(modules=True))
+
+    def save(self, path: str | Path) -> None:
+        """Write the graph to ``my.yaml``, and arrays that were given in Python to ``my.npz``."""
+        save(self.to_dict(modules=True), Path(path))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Graph) and self._comparable() == other._comparable()
-
-    def _comparable(self) -> dict[str, Any]:
-        plain: dict[str, Any] = self.to_dict()
-        for section in ("blocks", *FILE_SECTIONS):
-            for entry in plain.get(section, {}).values():
-                entry.pop("module", None)
-        return plain
+        return isinstance(other, Graph) and (
+            without_modules(self.to_dict()) == without_modules(other.to_dict())
+        )
 
     __hash__ = None  # type: ignore[assignment]
 

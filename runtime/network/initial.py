@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from blocks.core import FloatArray, hint
+from blocks.core import FloatArray, StoredArray, hint
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
@@ -61,7 +61,7 @@ def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[st
         problems.add(entries.where, "initial", message)
         return initial, notes
     for address, node in entries.items():
-        if isinstance(node.value, (int, float, list)):
+        if isinstance(node.value, (int, float, list, StoredArray)):
             _take_numbers(network, address, node, initial, problems)
             continue
         arrays = _states(node, f"initial.{address}", files, problems)

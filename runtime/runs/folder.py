@@ -11,6 +11,7 @@ every field was checked; whatever can be wrong with the files is reported in one
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import struct
@@ -25,7 +26,7 @@ import numpy as np
 
 from blocks.core import FloatArray, show
 from blocks.world import World
-from runtime.document import SECOND, TIME_UNITS, rename_files
+from runtime.document import SECOND, TIME_UNITS, arrays_beside, rename_files
 from runtime.errors import UsageError
 from runtime.files import (
     MAYBE_NUMBER,
@@ -64,10 +65,13 @@ _BROKEN_ARRAYS = (
 )
 
 
-def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any], dict[str, Path]]:
+def portable(
+    plain: dict[str, Any], read: Container[str]
+) -> tuple[dict[str, Any], dict[str, Path | bytes]]:
     """A document whose entries name files beside it, and where those files are now.
 
-    ``read`` has the resolved paths of the files that were read.
+    ``read`` has the resolved paths of the files that were read. Archives of the arrays that it
+    names are here as they will be written.
     """
     files: dict[str, Path] = {}
 
@@ -83,10 +87,17 @@ def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any
         files[name] = source
         return name
 
-    return rename_files(plain, local), files
+    renamed, archives = arrays_beside(rename_files(plain, local))
+    return renamed, {**files, **{name: _archive(arrays) for name, arrays in archives.items()}}
 
 
-def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str, bytes]:
+def _archive(arrays: Mapping[str, FloatArray]) -> bytes:
+    content = io.BytesIO()
+    save_arrays(content, arrays)
+    return content.getvalue()
+
+
+def contents(files: Mapping[str, Path | bytes], texts: Mapping[str, bytes]) -> dict[str, bytes]:
     """The content of files that blocks name: as it was read for the run, or else as it is now.
 
     A file that was not read for the run, as that of a block given as a class, is read here.
@@ -97,6 +108,9 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
     """
     data = {}
     for name, path in files.items():
+        if isinstance(path, bytes):
+            data[name] = path
+            continue
         with system_errors(f"read '{path}'"):
             content = texts.get(str(path.resolve()))
             data[name] = path.read_bytes() if content is None else content

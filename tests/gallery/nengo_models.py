@@ -219,23 +219,43 @@ def learn_product() -> nengo.Probe:
 
 @model
 def learn_unsupervised() -> nengo.Probe:
-    pre, post = nengo.Ensemble(20, 1), nengo.Ensemble(20, 1)
+    pre, posts = nengo.Ensemble(20, 1), [nengo.Ensemble(20, 1) for _ in range(2)]
     nengo.Connection(sine(), pre, synapse=None)
-    nengo.Connection(
-        pre.neurons,
-        post.neurons,
-        transform=np.full((20, 20), 0.0005),
-        learning_rule_type=nengo.Oja(6e-8),
-    )
-    return decoded(post, 0.05)
+    both = nengo.Node(size_in=2)
+    for i, rule in enumerate((nengo.BCM(5e-10), nengo.Oja(6e-8))):
+        solver = nengo.solvers.LstsqL2(weights=True)
+        nengo.Connection(pre, posts[i], solver=solver, learning_rule_type=rule)
+        nengo.Connection(posts[i], both[i], synapse=0.05)
+    return decoded(both, None)
 
 
 @model
 def learn_associations() -> nengo.Probe:
-    memory = nengo.Ensemble(100, 2, intercepts=Choice([0.2]))
-    key = nengo.Node(lambda t: [1.0, 0.0] if t % 1 < 0.5 else [0.0, 1.0])
-    nengo.Connection(key, memory, synapse=None, learning_rule_type=nengo.Voja(learning_rate=0.05))
-    return decoded(memory)
+    turn = 2.0 * np.pi / 5.0
+    item = lambda t: int((t - 0.001) / 0.3 + 1e-9)  # noqa: E731
+    key = nengo.Node(lambda t: [np.cos(turn * item(t)), np.sin(turn * item(t))])
+    wanted = nengo.Node(
+        lambda t: [
+            *(0.8 * np.cos(2 * turn * item(t)), 0.8 * np.sin(2 * turn * item(t))),
+            0.6 * np.cos(turn * item(t)),
+        ]
+    )
+    still = nengo.Node(lambda t: -float(t > 3.0))
+    memory = nengo.Ensemble(200, 2, intercepts=Choice([0.5]))
+    voja = nengo.Voja(learning_rate=0.05, post_synapse=None)
+    into = nengo.Connection(key, memory, synapse=None, learning_rule_type=voja)
+    nengo.Connection(still, into.learning_rule, synapse=None)
+    recall = nengo.Node(size_in=3)
+    out = nengo.Connection(
+        memory, recall, function=lambda x: np.zeros(3), learning_rule_type=nengo.PES(1e-3)
+    )
+    error = nengo.networks.EnsembleArray(200, 3)
+    nengo.Connection(recall, error.input, synapse=None)
+    nengo.Connection(wanted, error.input, transform=-1, synapse=None)
+    nengo.Connection(error.output, out.learning_rule)
+    for population in error.ea_ensembles:
+        nengo.Connection(still, population.neurons, transform=10 * np.ones((200, 1)), synapse=None)
+    return decoded(recall, None)
 
 
 @model

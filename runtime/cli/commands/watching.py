@@ -73,9 +73,9 @@ def _wait_for_change(main: Path, files: set[Path], stamp: Stamp) -> None:
 
 
 def _near(main: Path) -> set[Path]:
-    """The graph's file, and all graphs and modules beside it, which it may name."""
+    """The graph's file, and all graphs, modules and arrays beside it, which it may name."""
     found = {main}
-    for pattern in ("*.yaml", "*.yml", "*.py"):
+    for pattern in ("*.yaml", "*.yml", "*.py", "*.npz"):
         found.update(main.parent.glob(pattern))
     return found
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from runtime.document import dump_yaml, flow_yaml, parse_yaml
+from runtime.document import dump_yaml, flow_yaml
 from runtime.experiments.design import Seeds
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class GraphBundle:
         from runtime.runs import contents, portable
 
         texts = graph.texts
-        plain, files = portable(parse_yaml(graph.to_yaml(), "graph").plain(), texts)
+        plain, files = portable(graph.to_dict(modules=True), texts)
         return cls(dump_yaml(plain), tuple(sorted(contents(files, texts).items())))
 
     @property
@@ -60,7 +60,7 @@ class GraphBundle:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A graph with a value for each factor, or a variant of an ablation.
+    """A variant of a graph with a value for each factor.
 
     Parameters
     ----------
@@ -93,10 +93,15 @@ def trials_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator
             yield Trial(configuration.number * len(seeds) + i, configuration, seed)
 
 
-def sweep_configurations(
-    bundle: GraphBundle, paths: tuple[str, ...], design: Iterable[tuple[Any, ...]]
+def configurations_of(
+    bundle: GraphBundle,
+    paths: tuple[str, ...],
+    design: Iterable[tuple[Any, ...]],
+    first: int = 0,
+    variant: tuple[str, ...] = (),
 ) -> Iterator[Configuration]:
-    """The configurations of a sweep."""
-    for number, values in enumerate(design):
+    """A graph with each combination of values, numbered from ``first``."""
+    for number, values in enumerate(design, first):
         cells = tuple(map(flow_yaml, values))
-        yield Configuration(number, cells, bundle, tuple(zip(paths, cells, strict=True)))
+        edits = tuple(zip(paths, cells, strict=True))
+        yield Configuration(number, (*variant, *cells), bundle, edits)

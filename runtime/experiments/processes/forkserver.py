@@ -3,7 +3,7 @@
 In: requests to fork or kill, over a socket. Out: workers, each with a socket of its own, and a
 report when one ends::
 
-    f + a socket  ->  a worker on it;  k 4711  ->  killed;  (4711, 9)  reported
+    f + a socket, a folder  ->  a worker on it;  k 4711  ->  killed;  (4711, 9)  reported
 
 We do not use the fork server of ``multiprocessing``: that one needs a socket
 in the temporary directory (whose path may be too long), semaphores in shared memory (which may be
@@ -79,8 +79,11 @@ class ForkServer(Starter):
 
     def start(self) -> socket.socket:
         near, far = socket.socketpair()
+        # The fork server may be older than the caller's current folder: a worker begins there.
+        folder = os.open(".", os.O_RDONLY)
         with far, contextlib.suppress(OSError):
-            socket.send_fds(self.control, [_REQUEST.pack(_FORK, 0)], [far.fileno()])
+            socket.send_fds(self.control, [_REQUEST.pack(_FORK, 0)], [far.fileno(), folder])
+        os.close(folder)
         return near
 
     def kill(self, pid: int) -> None:
@@ -152,7 +155,7 @@ def _reap() -> Iterator[tuple[int, int]]:
 
 def _handle_request(control: socket.socket, workers: set[int]) -> bool:
     """Carry out one request; False if the other end has closed."""
-    request, files, _, _ = socket.recv_fds(control, _REQUEST.size, 1)
+    request, files, _, _ = socket.recv_fds(control, _REQUEST.size, 2)
     if len(request) < _REQUEST.size:
         return False
     command, pid = _REQUEST.unpack(request)
@@ -166,14 +169,17 @@ def _handle_request(control: socket.socket, workers: set[int]) -> bool:
             control.sendall(REPORT.pack(0, error.errno or 0))
         else:
             if not pid:
-                _become_worker(files[0], control)
+                _become_worker(files[0], files[1], control)
             workers.add(pid)
-        os.close(files[0])
+        for file in files:
+            os.close(file)
     return True
 
 
-def _become_worker(channel: int, control: socket.socket) -> NoReturn:
+def _become_worker(channel: int, folder: int, control: socket.socket) -> NoReturn:
     try:
+        os.fchdir(folder)
+        os.close(folder)
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.SIG_IGN)

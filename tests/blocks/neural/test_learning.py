@@ -69,7 +69,8 @@ def test_learning_compiles() -> None:
 
 
 @pytest.mark.parametrize("seconds", LENGTHS)
-def test_voja_is_nengos(seconds: float) -> None:
+@pytest.mark.parametrize("tau", [0.0, 0.01])
+def test_voja_is_nengos(seconds: float, tau: float) -> None:
     fixed = drawn(N, 2, 3)
     with nengo.Network(seed=1) as model:
         x = nengo.Node(ticks(lambda t: wave(t, 2)))
@@ -78,12 +79,12 @@ def test_voja_is_nengos(seconds: float) -> None:
             x,
             population,
             synapse=None,
-            learning_rule_type=nengo.Voja(learning_rate=0.05, post_synapse=nengo.Lowpass(0.01)),
+            learning_rule_type=nengo.Voja(0.05, post_synapse=nengo.Lowpass(tau) if tau else None),
         )
         learnt = nengo.Probe(link.learning_rule, "scaled_encoders")
         spikes = nengo.Probe(population.neurons)
     data = simulated(model, seconds).data
-    rule = {"rule": "voja", "learning_rate": 0.05, "tau": 0.01}
+    rule = {"rule": "voja", "learning_rate": 0.05, "tau": tau}
     made = graph(seconds).add("x", Wave(size=2))
     made = made.add("snn", blocks.Ensemble(neurons=N, radius=1.2, learning=rule, **fixed))
     made = made.connect("x.out", "snn.input").probe("snn.fired").probe("snn.scaled_encoders")
@@ -240,3 +241,32 @@ def test_a_function_that_fails_at_a_given_point_says_where() -> None:
     made = made.add("out", given).connect("x.out", "snn.input").connect("snn.spikes", "out.spikes")
     with pytest.raises(runtime.GraphError, match=r"function fails at x = \[-1\]"):
         made.check()
+
+
+def test_weights_between_ensembles_are_solved_as_nengos() -> None:
+    """On other points than Nengo's, of which there are many, and for a function of the input."""
+    before, after = drawn(N, 2, 4), drawn(12, 1, 5)
+    with nengo.Network(seed=1) as model:
+        first, second = ensemble(N, 2, before, radius=1.2), ensemble(12, 1, after, radius=2.0)
+        link = nengo.Connection(
+            first,
+            second,
+            function=lambda x: x[0] - 0.5 * x[1],
+            solver=nengo.solvers.LstsqL2(weights=True),
+        )
+    # Nengo's are straight into the neurons: the gain is in them.
+    expected = simulated(model, 0.001).data[link].weights / after["gain"][:, None]
+    made = graph(0.01).add("x", Wave(size=2))
+    made = made.add("first", blocks.Ensemble(neurons=N, radius=1.2, **before))
+    made = made.add("second", blocks.Ensemble(neurons=12, dimensions=1, radius=2.0, **after))
+    made = made.add("w", blocks.Weights(solver="l2", function="x[0] - 0.5*x[1]"))
+    made = made.connect("x.out", "first.input").connect("first.spikes", "w.spikes")
+    made = made.connect("w.current", "second.current").connect("second.spikes", "w.post")
+    ours = made.probe("w.weights").run()["w.weights"][0]
+    np.testing.assert_allclose(ours, expected, rtol=0.0, atol=0.05 * np.abs(expected).max())
+    with pytest.raises(runtime.GraphError, match="give one of the two"):
+        made.set("w.weights", 0.1).check()
+    with pytest.raises(runtime.GraphError, match="'w.post' is not connected"):
+        made.without("second").check()
+    with pytest.raises(runtime.SimulationError, match="the function has 2 components"):
+        made.set("w.function", ["x[0]", "x[1]"]).run()

@@ -327,6 +327,24 @@ def test_workers_have_one_thread_each_and_leave_our_environment_alone(
     assert {name: os.environ.get(name) for name in THREADS} == before
 
 
+def test_a_worker_begins_in_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The fork server was started in another one, which is gone."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    second.mkdir()
+    monkeypatch.setattr(choice, "_spare", [])
+    monkeypatch.chdir(first)
+    choice.start_early()
+    monkeypatch.chdir(second)
+    first.rmdir()
+    made = ProcessExecutor(1)
+    assert made.submit(os.getcwd).result() == str(second)
+    made.kill()
+    choice.take().close()
+
+
 def test_temporary_files_of_workers_are_removed_with_their_fork_server() -> None:
     made = ProcessExecutor(1)
     folder = Path(made.submit(tempfile.mkdtemp).result())
