@@ -245,19 +245,19 @@ class RunState:
 
     def _apart(self, name: str) -> Iterator[tuple[str, Array]]:
         """The arrays in a block's state that nothing declares, and that can be written to."""
-        for key in self._undeclared(name):
+        for key in self.undeclared(name):
             value = getattr(self.blocks[name], key)
             if isinstance(value, np.ndarray) and value.flags.writeable and not _is_copied(value):
                 yield key, value
 
-    def _undeclared(self, name: str) -> set[str]:
+    def undeclared(self, name: str) -> set[str]:
         """The attributes of a block's state that nothing declares."""
         declared = {state.name for state in self.program.plan.states[name]}
         return vars(self.blocks[name]).keys() - declared - GIVEN - {"rng"}
 
     def _others(self, name: str) -> Restored:
         """What puts back the undeclared attributes of a block's state."""
-        held, undeclared = vars(self.blocks[name]), self._undeclared(name)
+        held, undeclared = vars(self.blocks[name]), self.undeclared(name)
         found = {key: held[key] for key in undeclared}
         loose = {key: value for key, value in found.items() if _is_copied(value)}
         # What belongs to the run stays the same object where a copied one refers to it.
@@ -274,7 +274,7 @@ class RunState:
                 ) from error
 
         def restored() -> None:
-            for key in self._undeclared(name) - found.keys():
+            for key in self.undeclared(name) - found.keys():
                 del held[key]
             # Copied again, so that a snapshot can be restored twice.
             held.update(found | copy.deepcopy(loose, dict(memo)))

@@ -35,6 +35,7 @@ from runtime.observation import Observation
 if TYPE_CHECKING:
     from runtime.engine import Program
     from runtime.runs import Linearization, PreparedRun, Result, Trim
+    from runtime.sessions import Session
 
 
 class Graph:
@@ -130,12 +131,18 @@ class Graph:
         """What a run records, plots and measures; raises as :attr:`network` does."""
         return self._checked.observation
 
-    def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
+    def program(
+        self,
+        plots: Container[str] | None = None,
+        profiled: bool = False,
+        growing: bool = False,
+    ) -> Program:
         """What is executed; runs that differ in their seeds alone share it.
 
         ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
+        ``growing`` is for a run whose length is not known.
         """
-        return self._checked.program(plots, profiled)
+        return self._checked.program(plots, profiled, growing)
 
     def check(self) -> Graph:
         """Check everything that can be checked without running; returns the graph.
@@ -364,6 +371,21 @@ class Graph:
             graph = graph._set("run.engine", engine)
         return simulate(graph.prepared(), progress)
 
+    def session(
+        self, *, seed: int | None = None, engine: str | None = None, keep: float | None = None
+    ) -> Session:
+        """A run that is stepped, read, written to and changed; see :class:`runtime.Session`.
+
+        ``engine`` is "python", "compiled" or "auto"; ``keep`` is how much of the recordings stays
+        in memory (s): the last part; all by default.
+        """
+        from runtime.sessions import Session
+
+        graph = self if seed is None else self.with_seed(seed)
+        if engine is not None:
+            graph = graph._set("run.engine", engine)
+        return Session(graph, keep)
+
     def linearize(
         self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any
     ) -> Linearization:
@@ -380,12 +402,17 @@ class Graph:
 
         return trim(self.network, inputs, outputs, **how)
 
-    def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
-        """What a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""
+    def prepared(
+        self,
+        plots: Container[str] | None = None,
+        profiled: bool = False,
+        growing: bool = False,
+    ) -> PreparedRun:
+        """What a run needs of the graph; the parameters are those of :meth:`program`."""
         from runtime.runs import PreparedRun
 
         return PreparedRun(
-            self.program(plots, profiled),
+            self.program(plots, profiled, growing),
             self.network,
             self.to_dict,
             self.source,

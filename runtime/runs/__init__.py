@@ -44,7 +44,14 @@ if TYPE_CHECKING:
     from runtime.runs.linearization import Linearization, linearize
     from runtime.runs.notebook import Figures
     from runtime.runs.result import Result, open_run
-    from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+    from runtime.runs.simulation import (
+        PreparedRun,
+        at_start,
+        chosen_runner,
+        result_of,
+        simulate,
+        versions,
+    )
     from runtime.runs.stability import Margins, margins, step_info
     from runtime.runs.tables import dataframe
 else:
@@ -79,6 +86,7 @@ __all__ = [
     "read_run",
     "recover",
     "remove",
+    "result_of",
     "run_folder",
     "save",
     "save_elsewhere",
