@@ -13,21 +13,19 @@ not touched since, such as the gains of neurons, follows the graph's new paramet
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from blocks.core import FloatArray
+from runtime.engine.engine import Engine
 from runtime.engine.recorder import Saved
-from runtime.engine.state import RunState
+from runtime.engine.state import Begun, RunState
 from runtime.observation import Probe
 from runtime.plan import Port
-
-if TYPE_CHECKING:
-    from runtime.engine.engine import Engine
 
 # The entries of the solver's control that follow from the graph: tolerances, longest and shortest
 # step.
@@ -53,20 +51,6 @@ class Carried:
     log: FloatArray | None
 
 
-@dataclass(frozen=True)
-class Begun:
-    """What a run was before its first tick: arrays, and what own blocks keep undeclared."""
-
-    arrays: Mapping[str, FloatArray]
-    own: Mapping[str, Mapping[str, Any]]
-
-
-def begun(state: RunState) -> Begun:
-    """What a run begins with."""
-    own = {name: dict(_undeclared(state, name)) for name in state.own}
-    return Begun(_copies(state), own)
-
-
 def carried(engine: Engine) -> Carried:
     """What another engine needs to go on."""
     state = engine.state
@@ -77,10 +61,10 @@ def carried(engine: Engine) -> Carried:
     }
     return Carried(
         state.tick,
-        _copies(state),
+        state.copies(),
         {signal.key: value for signal, value in zip(engine.plan.held, state.held, strict=True)},
         generators,
-        {name: dict(_undeclared(state, name)) for name in state.own},
+        {name: state.own_copies(name) for name in state.own},
         engine.recorder.saved(state.tick),
         None if engine.log is None else engine.log.copy(),
     )
@@ -128,10 +112,6 @@ def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
     engine.is_checked = before.is_checked and engine.plan == before.plan
 
 
-def _copies(state: RunState) -> dict[str, FloatArray]:
-    return {name: array.copy() for name, array in state.arrays.items()}
-
-
 def _keys(state: RunState, name: str) -> list[str]:
     """The declared states of a block."""
     return sorted(vars(state.blocks[name])["_declared"])
@@ -139,18 +119,6 @@ def _keys(state: RunState, name: str) -> list[str]:
 
 def _fits(array: FloatArray, given: FloatArray | None) -> bool:
     return given is not None and given.shape == array.shape
-
-
-def _undeclared(state: RunState, name: str) -> Iterator[tuple[str, Any]]:
-    """Copies of what an own block keeps undeclared; what cannot be copied stays as it is."""
-    held = vars(state.blocks[name])
-    for key in state.undeclared(name):
-        if isinstance(held[key], np.random.Generator):
-            continue
-        try:
-            yield key, copy.deepcopy(held[key])
-        except Exception:  # noqa: BLE001 -- copying runs code of the object
-            yield key, held[key]
 
 
 def _take(array: FloatArray, name: str, given: Carried, first: Begun) -> None:

@@ -20,7 +20,6 @@ from typing import Any
 
 from blocks.core import FloatArray
 from runtime.engine.beside import Beside
-from runtime.engine.carrying import Begun, begun
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.events import FOUND, TICK, TIME
 from runtime.engine.interrupts import stoppable
@@ -40,7 +39,7 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.starting import Start, described
-from runtime.engine.state import Held, RunState
+from runtime.engine.state import Begun, Held, RunState
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
@@ -146,7 +145,7 @@ class Engine:
         """Initialise the states and make the runner, without running a tick."""
         self.namespace = self.starting.all()
         if self.program.growing:
-            self.begun = begun(self.state)
+            self.begun = self.state.begun()
         # Zero, as outputs of a part that is off are.
         self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
         if self.make_runner is None:
@@ -211,6 +210,11 @@ class Engine:
         outcome.arrays = self.recorder.finish(self.state.tick)
         outcome.events = self.log
         return outcome
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether ``run.stop`` has ended the run."""
+        return bool(self.state.stop[FOUND])
 
     @property
     def log(self) -> FloatArray | None:

@@ -8,14 +8,12 @@ on states alone, that is one call.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from blocks.registry import is_built_in
+from runtime.engine.engine import Engine
 from runtime.engine.program import FILENAME
 from runtime.plan import Call, Operation, Plan, Signal, Solve, Test, Zero
-
-if TYPE_CHECKING:
-    from runtime.engine.engine import Engine
 
 
 class Reader:

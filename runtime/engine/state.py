@@ -97,6 +97,14 @@ class Snapshot:
         return self.memory[start : start + math.prod(shape)].reshape(shape)
 
 
+@dataclass(frozen=True)
+class Begun:
+    """What a run was before its first tick: arrays, and what own blocks keep undeclared."""
+
+    arrays: Mapping[str, FloatArray]
+    own: Mapping[str, Mapping[str, Any]]
+
+
 @dataclass
 class RunState:
     """The state of one run of a program.
@@ -236,6 +244,26 @@ class RunState:
         for key, bits in saved.generators.items():
             name, _, attribute = key.rpartition(".")
             getattr(self.blocks[name], attribute).bit_generator.state = bits
+
+    def begun(self) -> Begun:
+        """A copy of the state before the first tick, by names."""
+        return Begun(self.copies(), {name: self.own_copies(name) for name in self.own})
+
+    def copies(self) -> dict[str, FloatArray]:
+        """Copies of the arrays, by name."""
+        return {name: array.copy() for name, array in self.arrays.items()}
+
+    def own_copies(self, name: str) -> dict[str, Any]:
+        """Copies of what an own block keeps undeclared; what cannot be copied stays as it is."""
+        held, found = vars(self.blocks[name]), {}
+        for key in self.undeclared(name):
+            if isinstance(held[key], np.random.Generator):
+                continue
+            try:
+                found[key] = copy.deepcopy(held[key])
+            except Exception:  # noqa: BLE001 -- copying runs code of the object
+                found[key] = held[key]
+        return found
 
     def generators(self, name: str) -> dict[str, np.random.Generator]:
         """The generators in a block's state: its own, and others of an own block."""

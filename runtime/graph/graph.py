@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -28,17 +28,16 @@ from runtime.document import (
 )
 from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import CheckedGraph, Content, check_content
+from runtime.graph.running import Runnable
 from runtime.graph.saving import as_text, save, with_modules, without_modules
 from runtime.network import Network, discretize, is_variadic, replace_block
 from runtime.observation import Observation
 
 if TYPE_CHECKING:
     from runtime.engine import Program
-    from runtime.runs import Linearization, PreparedRun, Result, Trim
-    from runtime.sessions import Session
 
 
-class Graph:
+class Graph(Runnable):
     """A block diagram. A graph never changes: every change returns a changed copy.
 
     Parameters
@@ -342,84 +341,6 @@ class Graph:
         if type(seed) is not int or seed < 0:
             return changed
         return Graph._of(changed._content, self._with_other_seed or self)
-
-    def run(
-        self,
-        *,
-        seed: int | None = None,
-        until: float | None = None,
-        engine: str | None = None,
-        progress: Callable[[int, int], None] | None = None,
-    ) -> Result:
-        """Simulate; see :class:`runtime.runs.result.Result`.
-
-        ``engine`` is "python", "compiled" or "auto", which compiles where it pays off.
-
-        Raises
-        ------
-        GraphError : the graph cannot run.
-        SimulationError : it failed; ``error.result`` holds what was recorded before.
-        """
-        from runtime.runs import simulate
-
-        graph = self
-        if seed is not None:
-            graph = graph.with_seed(seed)
-        if until is not None:
-            graph = graph._set("run.until", until)
-        if engine is not None:
-            graph = graph._set("run.engine", engine)
-        return simulate(graph.prepared(), progress)
-
-    def session(
-        self, *, seed: int | None = None, engine: str | None = None, keep: float | None = None
-    ) -> Session:
-        """A run that is stepped, read, written to and changed; see :class:`runtime.Session`.
-
-        ``engine`` is "python", "compiled" or "auto"; ``keep`` is how much of the recordings stays
-        in memory (s): the last part; all by default.
-        """
-        from runtime.sessions import Session
-
-        graph = self if seed is None else self.with_seed(seed)
-        if engine is not None:
-            graph = graph._set("run.engine", engine)
-        return Session(graph, keep)
-
-    def linearize(
-        self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any
-    ) -> Linearization:
-        """The graph as a linear system at an operating point; ``how`` as for
-        :func:`runtime.runs.linearization.linearize`: ``at``, ``states``, ``opened``.
-        """
-        from runtime.runs import linearize
-
-        return linearize(self.network, inputs, outputs, **how)
-
-    def trim(self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any) -> Trim:
-        """An equilibrium; ``how`` as for :func:`runtime.runs.equilibrium.trim`."""
-        from runtime.runs import trim
-
-        return trim(self.network, inputs, outputs, **how)
-
-    def prepared(
-        self,
-        plots: Container[str] | None = None,
-        profiled: bool = False,
-        growing: bool = False,
-    ) -> PreparedRun:
-        """What a run needs of the graph; the parameters are those of :meth:`program`."""
-        from runtime.runs import PreparedRun
-
-        return PreparedRun(
-            self.program(plots, profiled, growing),
-            self.network,
-            self.to_dict,
-            self.source,
-            self.texts,
-            self.overrides,
-            self.notes,
-        )
 
     def to_dict(self, *, modules: bool = False) -> dict[str, Value]:
         """The graph as plain values; ``modules`` adds the files of classes that Python gave."""

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     )
     from runtime.runs.linearization import Linearization, linearize
     from runtime.runs.notebook import Figures
+    from runtime.runs.operating_point import output_at
     from runtime.runs.result import Result, open_run
     from runtime.runs.simulation import (
         PreparedRun,
@@ -82,6 +83,7 @@ __all__ = [
     "margins",
     "new_folder",
     "open_run",
+    "output_at",
     "portable",
     "read_run",
     "recover",

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.sessions.session import Session, SessionSnapshot
-    from runtime.sessions.stored import is_session, open_session
+    from runtime.sessions.session import CALLS, GRAPH, RUN, SESSION, VERSION, Session
 else:
     __getattr__ = door(__name__)
 
-__all__ = ["Session", "SessionSnapshot", "is_session", "open_session"]
+__all__ = ["CALLS", "GRAPH", "RUN", "SESSION", "VERSION", "Session"]

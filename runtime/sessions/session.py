@@ -10,29 +10,47 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from blocks.core import hint, show
-from runtime.engine import Engine
-from runtime.engine.carrying import Carried, adopt, adopt_changed, carried
-from runtime.engine.events import FOUND
-from runtime.engine.reading import Reader
+from runtime.document import dump_yaml
+from runtime.engine import Carried, Engine, Reader, adopt, adopt_changed, carried
 from runtime.errors import SimulationError, UsageError
+from runtime.files import json_text, own_file, own_folder, system_errors, write_whole
+from runtime.network import Network
 from runtime.plan import Signal, Source
-from runtime.runs import chosen_runner, result_of
-from runtime.runs.operating_point import output_at
+from runtime.runs import (
+    PreparedRun,
+    Result,
+    chosen_runner,
+    contents,
+    output_at,
+    portable,
+    result_of,
+)
 
-if TYPE_CHECKING:
-    from runtime.graph import Graph
-    from runtime.runs import Result
+
+class ChangeableGraph(Protocol):
+    """A graph as a session needs it: :class:`runtime.Graph`, whose changes are copies."""
+
+    @property
+    def network(self) -> Network: ...
+    @property
+    def texts(self) -> Mapping[str, bytes]: ...
+    def prepared(self, *, growing: bool) -> PreparedRun: ...
+    def check(self) -> Any: ...
+    def set(self, path: str, value: Any) -> Any: ...
+    def to_dict(self, *, modules: bool) -> dict[str, Any]: ...
+
 
 # The methods that are logged; all but the first are those of a graph.
+SESSION, GRAPH, RUN, VERSION = "session.json", "graph.yaml", "run", 1
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
 
 
@@ -53,7 +71,7 @@ class SessionSnapshot:
     """The state of a session at one time; it can be restored any number of times."""
 
     t: float
-    graph: Graph
+    graph: ChangeableGraph
     engine: Engine
     carried: Carried
     log: tuple[Change, ...]
@@ -74,7 +92,7 @@ class Session:
     GraphError : the graph is wrong. SimulationError : a block cannot start.
     """
 
-    def __init__(self, graph: Graph, keep: float | None = None) -> None:
+    def __init__(self, graph: ChangeableGraph, keep: float | None = None) -> None:
         if keep is not None and not (math.isfinite(keep) and keep > 0.0):
             raise UsageError(f"expected a time above 0 to keep, got {keep}")
         self.first, self.keep = graph, keep
@@ -99,10 +117,10 @@ class Session:
     @property
     def stopped(self) -> bool:
         """Whether ``run.stop`` has ended the run; it goes on after a change or a restore."""
-        return bool(self._engine.state.stop[FOUND])
+        return self._engine.is_stopped
 
     @property
-    def graph(self) -> Graph:
+    def graph(self) -> ChangeableGraph:
         """The graph with all changes so far."""
         return self._graph
 
@@ -237,7 +255,7 @@ class Session:
         until = max(last, 2 * network.ticks) * network.dt
         self._move_to(self._graph.set("run.until", until))
 
-    def _move_to(self, graph: Graph) -> None:
+    def _move_to(self, graph: ChangeableGraph) -> None:
         """Go on in an engine for a changed graph; nothing changes if it cannot start."""
         engine, before = self._prepared(graph), self._engine
         adopt_changed(engine, before, carried(before))
@@ -277,16 +295,46 @@ class Session:
         return result_of(prepared, self._engine, self._engine.finish(), self._began)
 
     def save(self, folder: str | Path) -> Path:
-        """Write the result as a run folder, with the log: ``runtime replay`` computes it again."""
-        from runtime.sessions.stored import save
+        """Write the session into a folder that must not exist yet; returns the folder.
 
-        return save(self, Path(folder))
+            a/session.json     version, ticks, and each change with its tick
+            a/graph.yaml       the graph before the first change, with the files that it names
+            a/run/             the result, as a run folder
+
+        ``runtime replay a`` computes it again.
+
+        Raises
+        ------
+        UsageError : the folder exists, or cannot be written.
+        """
+        place = Path(folder)
+        changes = [
+            {"tick": each.tick, "call": each.call, "arguments": list(each.arguments)}
+            for each in self._log
+        ]
+        content = {"session": VERSION, "ticks": self.tick, "keep": self.keep, "changes": changes}
+        result = self.result()
+        if place.exists():
+            raise UsageError(f"'{place}' exists already; choose another folder")
+        plain, files = portable(self.first.to_dict(modules=True), self.first.texts)
+        with system_errors(f"write '{place}'"):
+            own_folder(place)
+            for name, data in contents(files, self.first.texts).items():
+                write_whole(own_file(place / name), data)
+            write_whole(own_file(place / GRAPH), dump_yaml(plain))
+            result.save(place / RUN)
+            # Last: without it, the folder is no session.
+            write_whole(own_file(place / SESSION), json_text(content))
+        return place
 
     def __repr__(self) -> str:
-        return f"<Session '{self._graph.title}' at t = {self.t:g}: {len(self._log)} changes>"
+        return (
+            f"<Session '{self._engine.network.title}' at t = {self.t:g}: {len(self._log)} changes>"
+        )
 
-    def _prepared(self, graph: Graph) -> Engine:
-        network, program = graph.network, graph.program(growing=True)
+    def _prepared(self, graph: ChangeableGraph) -> Engine:
+        prepared = graph.prepared(growing=True)
+        network, program = prepared.network, prepared.program
         keep = None if self.keep is None else max(1, round(self.keep / network.dt))
         engine = Engine(program, network.seed, chosen_runner(network), keep=keep)
         engine.prepare()

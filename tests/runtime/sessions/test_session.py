@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from runtime.sessions import Session, open_session
+from runtime.graph import open_session
+from runtime.sessions import Session
 from tests.examples import examples
 
 FOLDER = Path(runtime.__file__).parents[1] / "graphs"
