@@ -1,6 +1,6 @@
 """What a block's box says of its parameters: the value by which a reader knows it.
 
-In: a block's type and parameters. Out: a short text; a line break stands for the bar of a fraction::
+In: a type and its parameters. Out: a short text, in which a line break is the bar of a fraction::
 
     Gain, {"gain": 3.0}        ->  "× 3"
     Lowpass, {"tau": 0.1}      ->  "1\\n0.1 s + 1"
