@@ -8,6 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
+    from blocks.control.geometric import GeometricControl
     from blocks.control.lqr import LQR
     from blocks.control.mpc import MPC
     from blocks.control.observer import DiscreteSteadyStateKalman, SteadyStateKalman
@@ -26,6 +27,7 @@ __all__ = [
     "CourseError",
     "DiscreteSteadyStateKalman",
     "DisturbanceObserver",
+    "GeometricControl",
     "L1Adaptive",
     "LinePath",
     "LinearQuadraticRegulator",

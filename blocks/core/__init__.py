@@ -6,6 +6,7 @@ from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec
 from blocks.core.differences import Unsettled, jacobian
 from blocks.core.elementwise import (
+    Componentwise,
     Elementwise,
     check_ascending,
     check_flat,
@@ -58,6 +59,13 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
+from blocks.core.rotations import (
+    cross_product,
+    quaternion_product,
+    rotation_matrix,
+    turned,
+    turned_back,
+)
 from blocks.core.scalar_functions import (
     CONSTANTS,
     FUNCTIONS,
@@ -111,6 +119,7 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
+    "Componentwise",
     "Constants",
     "DeclarationError",
     "Definitions",
@@ -158,6 +167,7 @@ __all__ = [
     "check_sized",
     "cos",
     "covariance_fault",
+    "cross_product",
     "differ",
     "directions",
     "dot",
@@ -185,9 +195,11 @@ __all__ = [
     "polynomials",
     "portable",
     "product",
+    "quaternion_product",
     "rate_note",
     "read_expressions",
     "require",
+    "rotation_matrix",
     "show",
     "signal_type",
     "signed_distance",
@@ -202,6 +214,8 @@ __all__ = [
     "state_shape",
     "times",
     "transposed",
+    "turned",
+    "turned_back",
     "value_type",
     "width_of",
     "wrap",
