@@ -185,12 +185,15 @@ class _Rotors(Block, ABC):
 
 
 class RotorMixer(_Rotors):
-    """Thrusts of four rotors that give a thrust and three torques.
+    """Thrusts of four rotors that give a thrust and three torques, as far as they can.
 
         wrench ─▶ [ RotorMixer ] ─▶ rotors
 
-    rotors = G^-1 (f, M_x, M_y, M_z), each limited to [0, largest]; G is that of a Quadrotor with
-    the same ``arm``, ``ratio`` and ``layout`` (Lee, Leok and McClamroch, 2010, equation 1).
+    rotors = G^-1 (f, M_x, M_y, M_z), where that is within [0, largest]; G is that of a Quadrotor
+    with the same ``arm``, ``ratio`` and ``layout`` (Lee, Leok and McClamroch, 2010, equation 1).
+    Otherwise the torque about z gives way first, of which rotors have least, then those about x
+    and y, both by one factor, and the thrust is limited by itself (after Faessler, Falanga and
+    Scaramuzza, Thrust mixing, saturation, and body-rate control, 2017).
     """
 
     wrench = Input(Vector(4), doc="thrust f along the body's z (N), torques about its axes (N m)")
@@ -200,12 +203,24 @@ class RotorMixer(_Rotors):
         state.inverse = solve(allocation(self.arm, self.ratio, self.layout), np.eye(4))
 
     def output(self, state: BlockState, t: float, wrench: FloatArray) -> FloatArray:
+        most, base = self.largest, state.inverse[0, 0] * wrench[0]
+        base = min(max(base, 0.0), most)
+        tilt, turn, share = np.empty(4), np.empty(4), 1.0
+        for i in range(4):
+            tilt[i] = state.inverse[i, 1] * wrench[1] + state.inverse[i, 2] * wrench[2]
+            turn[i] = state.inverse[i, 3] * wrench[3]
+            room = most - base if tilt[i] > 0.0 else base
+            if abs(tilt[i]) > room:
+                share = min(share, room / abs(tilt[i]))
+        left = 1.0
+        for i in range(4):
+            tilt[i] = base + share * tilt[i]
+            room = max(most - tilt[i] if turn[i] > 0.0 else tilt[i], 0.0)
+            if abs(turn[i]) > room:
+                left = min(left, room / abs(turn[i]))
         out = np.empty(4)
         for i in range(4):
-            total = 0.0
-            for j in range(4):
-                total += state.inverse[i, j] * wrench[j]
-            out[i] = min(max(total, 0.0), self.largest)
+            out[i] = tilt[i] + left * turn[i]
         return out
 
 
