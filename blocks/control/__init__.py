@@ -9,6 +9,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
     from blocks.control.geometric import GeometricControl
+    from blocks.control.linear_control import LinearDisturbanceObserver, LinearL1, LinearMPC
     from blocks.control.lqr import LQR
     from blocks.control.mpc import MPC
     from blocks.control.observer import DiscreteSteadyStateKalman, SteadyStateKalman
@@ -30,6 +31,9 @@ __all__ = [
     "GeometricControl",
     "L1Adaptive",
     "LinePath",
+    "LinearDisturbanceObserver",
+    "LinearL1",
+    "LinearMPC",
     "LinearQuadraticRegulator",
     "MatchingPoint",
     "PathPID",

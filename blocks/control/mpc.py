@@ -32,8 +32,8 @@ SLACK = 1e-9  # by which rounding may pass a bound
 class QuadraticProgram:
     """A condensed quadratic program: minimise u'Hu/2 + (F x)'u subject to G u <= g.
 
-    u (2 N,) holds v and omega in turn, for N steps. ``free`` is -H^-1 F (2 N, 3), ``rows`` is G
-    (m, 2 N), and ``root`` a lower triangular matrix with root root' = H^-1.
+    u (m N,) holds the m commands of each of N steps. ``free`` is -H^-1 F (m N, n), ``rows`` is G
+    (4 m N, m N), and ``root`` a lower triangular matrix with root root' = H^-1.
     """
 
     free: FloatArray
@@ -44,7 +44,8 @@ class QuadraticProgram:
     def of(
         cls, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, steps: int
     ) -> QuadraticProgram:
-        """Eliminate the states of x_k+1 = A x_k + B u_k.
+        """Eliminate the states of x_k+1 = A x_k + B u_k. The rows of G bound all u from above, then
+        from below, then their changes from step to step upwards and downwards.
 
         The last state's weight solves the Riccati equation, so that without limits the first
         command is the LQR's, for any number of steps.
@@ -71,7 +72,7 @@ class QuadraticProgram:
         return cls(-product(inverse, f), rows, _cholesky(0.5 * (inverse + inverse.T)))
 
     def minimum(self, x: FloatArray, bounds: FloatArray) -> FloatArray:
-        """The minimiser u (2 N,) for a state x (3,) and bounds g (m,), some infinite.
+        """The minimiser u (m N,) for a state x (n,) and bounds g (4 m N,), some infinite.
 
         A least distance problem in the metric of H, solved through its dual by non-negative least
         squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).
@@ -114,7 +115,7 @@ def _cholesky(matrix: FloatArray) -> FloatArray:
 
 @final
 class MPC(Tracker):
-    """Model predictive control: the best commands over a horizon, of which the first is given.
+    """Path following: model predictive control, the best commands over a horizon.
 
         error, reference, turn ─▶ [ MPC ] ─▶ command
 
@@ -125,7 +126,8 @@ class MPC(Tracker):
     2017). Away from all limits it is the LQR. The quadratic program is condensed and solved
     exactly, by an active-set method. Q weighs the errors in the path's frame.
 
-    With scipy in each tick at a limit, it is the slowest of the trackers.
+    With scipy in each tick at a limit, it is the slowest of the trackers. For other plants there
+    is LinearMPC.
     """
 
     turn = Input(
@@ -135,21 +137,44 @@ class MPC(Tracker):
         doc="turn rate that is added to the command, as match.feedforward.omega",
     )
 
-    q: FloatArray = param((1.0, 1.0, 1.0), above=0.0, shape=(3,), doc="weights of the errors")
-    r: FloatArray = param((1.0, 1.0), above=0.0, shape=(2,), doc="weights of v and omega")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where y is uncontrollable")
+    q: FloatArray = param(
+        (1.0, 1.0, 1.0), above=0.0, shape=(3,), tunable=True, doc="weights of the errors"
+    )
+    r: FloatArray = param(
+        (1.0, 1.0), above=0.0, shape=(2,), tunable=True, doc="weights of v and omega"
+    )
+    v_r: float = param(
+        1.0, unit="m/s", tunable=True, doc="reference speed; not 0, where y is uncontrollable"
+    )
     model: str = param("paper", choices=("paper", "exact"), doc="second-order term of B, as in LQR")
     horizon: float = param(1.0, unit="s", above=0.0, doc="how far ahead it plans")
     steps: int = param(10, at_least=1, at_most=50, doc="into which the horizon is divided")
-    v_max: float = param(math.inf, unit="m/s", above=0.0, finite=False, doc="largest speed")
+    v_max: float = param(
+        math.inf, unit="m/s", above=0.0, finite=False, tunable=True, doc="largest speed"
+    )
     omega_max: float = param(
-        3.0, unit="rad/s", above=0.0, finite=False, doc="largest turn rate, feedforward included"
+        3.0,
+        unit="rad/s",
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="largest turn rate, feedforward included",
     )
     v_rate: float = param(
-        math.inf, unit="m/s^2", above=0.0, finite=False, doc="largest change of speed per second"
+        math.inf,
+        unit="m/s^2",
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="largest change of speed per second",
     )
     omega_rate: float = param(
-        math.inf, unit="rad/s^2", above=0.0, finite=False, doc="the same of the turn rate"
+        math.inf,
+        unit="rad/s^2",
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="the same of the turn rate",
     )
 
     last = State(2, doc="speed and turn rate of the last tick, in all; NaN before the first")

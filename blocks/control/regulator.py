@@ -50,10 +50,16 @@ class LinearQuadraticRegulator(Block):
     command = Output(Same("U"), doc="u, a Scalar or a Vector(m)")
 
     q: FloatArray = param(
-        shape=[(None,), (None, None)], name="Q", doc="weights of n states, or n rows of n"
+        shape=[(None,), (None, None)],
+        name="Q",
+        tunable=True,
+        doc="weights of n states, or n rows of n",
     )
     r: FloatArray = param(
-        shape=[(), (None,), (None, None)], name="R", doc="weights of m commands, or m rows of m"
+        shape=[(), (None,), (None, None)],
+        name="R",
+        tunable=True,
+        doc="weights of m commands, or m rows of m",
     )
     a: FloatArray | None = param(None, shape=(None, None), name="A", doc="n rows of n numbers")
     b: FloatArray | None = param(
@@ -118,12 +124,16 @@ class LinearQuadraticRegulator(Block):
             if model.b.shape != (n, m):
                 size = f"{len(model.b)} states and {model.b.shape[1]} commands"
                 raise ParameterError([("plant", f"has {size}, Q and R are for {n} and {m}")])
-            is_sampled = context.sampled or self.discrete
+            is_sampled = self.is_sampled(context)
             if is_sampled and not self.discrete:
                 model = model.sampled(context.dt)
             gain = regulator_gain(model, square(self.q, n), square(self.r, m), is_sampled)
             self._designs[key] = gain, model
         return self._designs[key]
+
+    def is_sampled(self, context: BlockContext) -> bool:
+        """Whether the command holds between ticks, for which the gain is then designed."""
+        return context.sampled or self.discrete
 
     @cached_property
     def _designs(self) -> dict[tuple[float, bool], tuple[FloatArray, Model]]:

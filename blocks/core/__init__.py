@@ -29,6 +29,7 @@ from blocks.core.expressions import (
     signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
+from blocks.core.graph_input import GraphInput
 from blocks.core.hints import hint, rate_note
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
@@ -99,7 +100,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
-from blocks.core.state_shapes import started, state_lengths, state_shape
+from blocks.core.state_shapes import retune, started, state_lengths, state_shape
 from blocks.core.stored_arrays import StoredArray
 from blocks.core.variants import Variant
 
@@ -129,6 +130,7 @@ __all__ = [
     "ExpressionError",
     "Expressions",
     "FloatArray",
+    "GraphInput",
     "Input",
     "IntArray",
     "MissingPackageError",
@@ -199,6 +201,7 @@ __all__ = [
     "rate_note",
     "read_expressions",
     "require",
+    "retune",
     "rotation_matrix",
     "show",
     "signal_type",

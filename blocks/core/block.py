@@ -288,6 +288,10 @@ class Block:
         """The type of a port; parameters may determine another than the declared one."""
         return self.spec.ports[name].type
 
+    def port_unit(self, name: str) -> str:
+        """The unit of a port; parameters may determine another than the declared one."""
+        return self.spec.ports[name].unit
+
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:
         """The calls of output methods, without the inputs that are :attr:`indirect`."""

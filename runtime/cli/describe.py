@@ -14,7 +14,13 @@ from blocks.registry import BUILTIN
 from runtime.cli.expressions_page import expressions_page
 from runtime.cli.public_api import listing
 from runtime.cli.shipped import shipped
-from runtime.descriptions import describe_markdown, families, option_text, summary
+from runtime.descriptions import (
+    describe_markdown,
+    families,
+    option_text,
+    settings_markdown,
+    summary,
+)
 from runtime.document import SHIPPED
 from runtime.language import json_schema
 from runtime.observation import (
@@ -143,6 +149,7 @@ def blocks_pages() -> dict[str, str]:
             index.append(f"| [`{name}`](blocks/{room}.md#{name.lower()}) | {line} |")
         index.append("")
         described = "\n".join(describe_markdown(BUILTIN[name]) for name in names)
+        described += "\n" + settings_markdown({name: BUILTIN[name] for name in names})
         pages[f"blocks/{room}.md"] = f"# {title}\n\n{MADE}\n\n{about}.\n\n{described.rstrip()}\n"
     return {"blocks.md": "\n".join(index).rstrip() + "\n", **pages}
 

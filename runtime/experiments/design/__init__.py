@@ -19,7 +19,8 @@ if TYPE_CHECKING:
         is_experiment,
         read_experiment,
     )
-    from runtime.experiments.design.factors import Factor, Range, parse_factor
+    from runtime.experiments.design.factors import Factor, Range, parse_factor, value_label
+    from runtime.experiments.design.figures import FigureSpec, shown_probe, with_signal
     from runtime.experiments.design.measurements import Measurement, parse_measurement
     from runtime.experiments.design.objective import Constraint, Objective
     from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from runtime.experiments.design.variants import (
         BASELINE,
         GraphVariant,
+        check_contrasts,
         check_variants,
         group_changes,
         removals,
@@ -48,6 +50,7 @@ __all__ = [
     "Design",
     "Experiment",
     "Factor",
+    "FigureSpec",
     "GraphVariant",
     "Measurement",
     "Named",
@@ -60,6 +63,7 @@ __all__ = [
     "SeedList",
     "Seeds",
     "TuningSettings",
+    "check_contrasts",
     "check_design",
     "check_experiment",
     "check_paths",
@@ -72,6 +76,9 @@ __all__ = [
     "parse_seeds",
     "read_experiment",
     "removals",
+    "shown_probe",
     "slugs",
     "tuning_of",
+    "value_label",
+    "with_signal",
 ]

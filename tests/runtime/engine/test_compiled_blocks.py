@@ -46,7 +46,7 @@ ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = (0, 1, 2)
 # Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum", "MPC"}
+PYTHON_ONLY = {"MujocoVacuum", "MPC", "LinearMPC"}
 
 
 @dataclass(frozen=True)
@@ -220,6 +220,13 @@ CASES: dict[str, list[Case]] = {
     + [
         Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
         Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
+    ],
+    "SynapticFilter": [
+        Case(blocks.SynapticFilter(synapse="triangle(0.005)"), dt=0.001),
+        Case(
+            blocks.SynapticFilter(synapse={"type": "linear", "num": [1, 2], "den": [1, 30]}),
+            dt=0.001,
+        ),
     ],
     "Weights": [Case(blocks.Weights(weights=WEIGHTS, learning={"rule": "bcm"}), dt=0.001)],
     "AdaptiveBias": [
@@ -444,6 +451,31 @@ CASES: dict[str, list[Case]] = {
         ),
         Case(blocks.LinearQuadraticRegulator(**REQUIRED["LinearQuadraticRegulator"])),
     ],
+    "LinearL1": [
+        Case(blocks.LinearL1(**REQUIRED["LinearL1"])),
+        Case(
+            blocks.LinearL1(
+                A=[[0, 1], [2, 0]], B=[[1, 0], [0, 1]], x0=[1, 2], u0=[3, 4], limit=0.5, filter=20.0
+            ),
+            {"baseline": Vector(2)},
+        ),
+    ],
+    "LinearDisturbanceObserver": [
+        Case(blocks.LinearDisturbanceObserver(**REQUIRED["LinearDisturbanceObserver"])),
+        Case(
+            blocks.LinearDisturbanceObserver(
+                A=[[1, 0.1], [0, 1]],
+                B=[[0.1, 0], [0, 0.1]],
+                C=[[1, 0], [0, 1]],
+                Q=[0.1, 0.1],
+                R=[0.1, 0.2],
+                D=[0.1, 0.3],
+                x0=[1, 2],
+                u0=[3, 4],
+                initial=[0, 1],
+            )
+        ),
+    ],
     "SteadyStateKalman": [Case(blocks.SteadyStateKalman(**REQUIRED["SteadyStateKalman"]))],
     "DiscreteSteadyStateKalman": [
         Case(blocks.DiscreteSteadyStateKalman(**REQUIRED["DiscreteSteadyStateKalman"]))
@@ -531,6 +563,10 @@ CASES: dict[str, list[Case]] = {
         for kind in (Scalar, Pose, Vector(4))
     ]
     + [Case(blocks.Latency(latency=0.02, jitter=0.05, ordered=False))],
+    "PlanarArm": [
+        Case(blocks.PlanarArm(**REQUIRED["PlanarArm"]), free=("x",)),
+        Case(blocks.PlanarArm(lengths=[0.5], masses=[1.0], friction=0.1), free=("x",)),
+    ],
     "TwoLinkArm": [Case(blocks.TwoLinkArm(friction=[0.1, 0.2]), free=("x",))],
     "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],
     "Hold": elementwise(blocks.Hold()),
