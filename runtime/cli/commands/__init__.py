@@ -33,7 +33,19 @@ class Verb(Protocol):
 
 
 _HERE = (
-    *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "check", "graphs"),
+    *(
+        "new",
+        "run",
+        "resume",
+        "replay",
+        "validate",
+        "draw",
+        "explain",
+        "linearize",
+        "blocks",
+        "check",
+        "graphs",
+    ),
     *("ablate", "sweep", "tune", "fit", "compare", "report", "export", "clean", "plugins"),
     *("completion", "schema", "help"),
 )
