@@ -57,7 +57,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.lsp", "runtime.rendering"),
+    ("runtime.lsp", "runtime.nengo", "runtime.rendering"),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
@@ -66,7 +66,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 # Rooms that stand on doors and can be deleted: only the table of verbs names them.
-BRIDGES = ("runtime.lsp", "runtime.rendering")
+BRIDGES = ("runtime.lsp", "runtime.nengo", "runtime.rendering")
 TABLES = ("runtime.cli.commands",)
 
 # Imports that go up or past a door, each with the reason: (importing module, imported) -> why.

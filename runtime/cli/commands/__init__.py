@@ -44,5 +44,6 @@ VERBS: Registry[Verb] = Registry(
         # Rooms that can be removed bring their own.
         "render": "runtime.rendering",
         "lsp": "runtime.lsp",
+        "import": "runtime.nengo",
     },
 )
