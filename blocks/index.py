@@ -17,6 +17,9 @@ TYPES = {
     "DisturbanceObserver": "control.compensators",
     "L1Adaptive": "control.compensators",
     "LinePath": "control.paths",
+    "LinearDisturbanceObserver": "control.linear_control",
+    "LinearL1": "control.linear_control",
+    "LinearMPC": "control.linear_control",
     "LinearQuadraticRegulator": "control.regulator",
     "MatchingPoint": "control.tracking",
     "PathPID": "control.trackers",
@@ -119,6 +122,7 @@ TYPES = {
     "DoubleIntegrator": "plants.masses",
     "MassSpringDamper": "plants.masses",
     "Pendulum": "plants.pendulums",
+    "PlanarArm": "plants.arms",
     "TwoLinkArm": "plants.arms",
     "MujocoVacuum": "mujoco.vacuum",
 }

@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 from types import ModuleType
 from typing import TypeVar
 
-from blocks.core import Block, SignalType, Variant
+from blocks.core import Block, GraphInput, SignalType, Variant
 from blocks.extensions import Registry
 from blocks.index import TYPES
 
@@ -44,7 +44,7 @@ BUILTIN: Mapping[str, type[Block]] = _Library()
 
 def is_built_in(cls: type[Block]) -> bool:
     """Whether a block class is one of ours: not of a package, nor of a graph's own file."""
-    return f"blocks.{TYPES.get(cls.__name__)}" == cls.__module__
+    return cls is GraphInput or f"blocks.{TYPES.get(cls.__name__)}" == cls.__module__
 
 
 # Those of installed packages as well.

@@ -23,10 +23,12 @@ class Picture:
     """Commands that are printed above an image, and the file that they write.
 
     made : a pattern of the path of that file in the folder of the commands.
+    shows : what is seen, for those who cannot see it.
     """
 
     made: str
     commands: tuple[str, ...]
+    shows: str = ""
 
     def make(self, target: Path) -> None:
         """Run the commands in an empty folder, and copy what they made.
@@ -45,9 +47,9 @@ class Picture:
             shutil.copyfile(found[0], target)
 
 
-def of_run(command: str, plot: str) -> Picture:
+def of_run(command: str, plot: str, shows: str) -> Picture:
     """A plot of the run of a command."""
-    return Picture(f"runs/*/latest/plots/{plot}.png", (command,))
+    return Picture(f"runs/*/latest/plots/{plot}.png", (command,), shows)
 
 
 POLE = "runtime linearize gallery/balanced_pole --without noise --state cart.x=0"
@@ -63,15 +65,28 @@ PICTURES = {
     "linear_margins.png": of_pole("--open lqr.command --margins"),
     "linear_nyquist.png": of_pole("--open lqr.command --nyquist"),
     "linear_locus.png": of_pole("--rlocus blocks.lqr.R=0.005..50"),
-    "errors.png": of_run("runtime run starters/adaptive --vs without=adaptive", "errors"),
+    "errors.png": of_run(
+        "runtime run starters/adaptive --vs without=adaptive",
+        "errors",
+        "with the neurons its distance from the line goes to 0, without them it stays at 0.4 m",
+    ),
     "diagram.svg": Picture("adaptive.svg", ("runtime draw starters/adaptive",)),
-    "room.png": of_run("runtime run wall_following_robust --with conditions/turn_loss_50", "room"),
+    "film.gif": Picture(
+        "runs/*/latest/plots/animation.gif",
+        (
+            "runtime run wall_following_robust --with conditions/turn_loss_50 "
+            "--vs without=adaptive --labels 'with neurons,without neurons' --animate --no-plots",
+        ),
+        "two robots follow the walls of a room by LiDAR; the one with neurons keeps its distance, "
+        "the other touches walls and cylinders",
+    ),
     "physics.png": Picture(
         "runs/*/latest/plots/render.png",
         (
             "runtime run wall_following_mujoco_robust --with wheel_faults/turn_loss_35 --until 100",
             "runtime render runs/wall_following_mujoco_robust/latest --no-film --height 600",
         ),
+        "the robot and its trajectory along the walls, from above and in perspective",
     ),
 }
 

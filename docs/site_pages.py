@@ -12,30 +12,40 @@ import argparse
 import hashlib
 import os
 import re
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from contextlib import suppress
 from itertools import repeat
 from pathlib import Path
 
-from pictures import PICTURES, Picture, of_run
+from cards import GROUPS, Entry, card, entry, grid, thumbnail
+from pictures import IMAGES, PICTURES, Picture, of_run
 
 import runtime
 from runtime.cli import make_parser
 from runtime.cli.commands import VERBS
-from runtime.cli.shipped import Shipped, shipped
+from runtime.cli.shipped import schema_line, shipped
 from runtime.engine import python_seconds
 from runtime.files import slug
 
 MAX_SECONDS = 30.0  # estimated time under the Python engine; a longer run is cut
 PHYSICS = "MujocoVacuum"
-GROUPS = {
-    "graphs": "Cases of the paper",
-    "starters": "Starters",
-    "gallery": "Gallery",
-    "gallery/nengo": "Examples of Nengo",
-    "gallery/published": "Published models",
-}
+RUNNABLE = ("graphs", "starters", "gallery", "gallery/nengo", "gallery/published")
+# On the landing page: one of each group.
+SIX = (
+    "wall_following_robust",
+    "starters/adaptive",
+    "gallery/nengo/lorenz_attractor",
+    "gallery/balanced_pole",
+    "gallery/bouncing_ball",
+    "gallery/double_pendulum",
+)
+SMALL = "gallery/step_feedback"  # beside its diagram and its plot there
+FILTER = """<label class="filter">Show only
+<input id="filter" type="search" placeholder="a word or a block, as in PID"></label>
+<p id="nothing" hidden>No graph has all of these words.</p>"""
 COLUMNS = "100"
+COMMITTED = "../images/"
 
 
 def write(folder: Path) -> None:
@@ -58,77 +68,116 @@ def command_line() -> str:
     return "\n".join(lines)
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """A graph of the gallery: its name for ``runtime run``, and the name of its page."""
-
-    group: str
-    name: str
-    page: str
-    shipped: Shipped
-
-
 def gallery(folder: Path) -> None:
-    """Write a page for each graph that can be run, and the page that shows them all."""
-    entries = []
-    for group in GROUPS:
-        for each in shipped(group):
-            name = each.name if group == "graphs" else f"{group}/{each.name}"
-            entries.append(_Entry(group, name, f"graph-{name.replace('/', '-')}", each))
+    """Write a page for each graph that can be run, the page of all, and the landing page's part."""
+    entries = [entry(group, each) for group in RUNNABLE for each in shipped(group)]
     with ProcessPoolExecutor() as pool:
         pictures = list(pool.map(_page, repeat(folder), entries))
-    lines = ["# Gallery", "", "Every graph that comes with the package. Run one by its name.", ""]
-    for group, title in GROUPS.items():
-        lines += [f"## {title}", ""]
-        for entry, picture in zip(entries, pictures, strict=True):
-            if entry.group == group:
-                link = f"{entry.page}.md"
-                shown = f"[![{entry.name}]({picture}){{width=420px}}]({link})" if picture else ""
-                lines += [f"### [{entry.name}]({link})", "", f"{entry.shipped.summary}.", ""]
-                lines += [shown, ""]
-    lines += ["```{toctree}", ":hidden:", "", *(entry.page for entry in entries), "```"]
+    shown = dict(zip((each.name for each in entries), pictures, strict=True))
+    cards = {each.name: card(each, *shown[each.name]) for each in entries}
+    lines = ["# Gallery\n\nEvery graph that comes with the package, and what its run shows.\n"]
+    lines += ["```{raw} html", FILTER, "```", ""]
+    for group, about in GROUPS.items():
+        members = [each for each in entries if each.group == group]
+        lines += [f"## {group}", "", about, ""]
+        lines += [grid([cards[each.name] for each in members]), ""]
     (folder / "gallery.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    chosen = [each for name in SIX for each in entries if each.name == name]
+    six = grid([card(each, *shown[each.name], up="generated/") for each in chosen])
+    (folder / "six.txt").write_text(six + "\n", encoding="utf-8")
+    small = next(each for each in entries if each.name == SMALL)
+    text = small.shipped.path.read_text(encoding="utf-8")
+    text = text.removeprefix(schema_line(text))
+    (folder / "small.txt").write_text(text[text.index("graph:") :], encoding="utf-8")
 
 
-def _page(folder: Path, entry: _Entry) -> str:
-    """Write a graph's page; returns the address of its thumbnail."""
-    page, name = entry.page, entry.name
-    text = entry.shipped.path.read_text(encoding="utf-8")
-    graph = runtime.load(name)
-    diagram = ""
+def _page(folder: Path, each: Entry) -> tuple[str, str]:
+    """Write a graph's page; returns its thumbnail, and what that shows."""
+    text = each.shipped.path.read_text(encoding="utf-8")
+    text = text.removeprefix(schema_line(text))
+    diagram = f"{each.page}.svg"
     try:
-        (folder / f"{page}.svg").write_text(str(graph.diagram("svg")), encoding="utf-8")
-        diagram = f"![block diagram of {name}]({page}.svg)"
+        (folder / diagram).write_text(str(each.graph.diagram("svg")), encoding="utf-8")
+        drawn = f"![Block diagram of {each.name}]({diagram})"
     except runtime.MissingExtraError as error:
-        diagram = f"The diagram is missing: {error}."
-    address, commands = _picture(folder, entry, graph)
-    shown = f"![{name}]({address})" if address else ""
-    console = "\n".join(f"    {command}" for command in commands)
-    parts = [f"# {name}", f"{entry.shipped.summary}.", console, shown]
-    parts += ["## Diagram", diagram, "## Text", f"```yaml\n{text.rstrip()}\n```"]
-    (folder / f"{page}.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
-    return address
+        diagram, drawn = "", f"The diagram is missing: {error}."
+    address, commands, alt = _picture(folder, each)
+    kinds = ", ".join(f"`{name}`" for name in each.types)
+    # In no table of contents: a hundred and fifty entries beside every page help nobody.
+    parts = ["---\norphan: true\n---", f"# {each.title}", each.line, _shell(commands)]
+    parts += [f"![{alt}]({address})" if address else "", "## Diagram", drawn]
+    parts += [f"Blocks: {kinds}." if kinds else "", "## Text", f"```yaml\n{text.rstrip()}\n```"]
+    parts += ["## What to try", _shell(_trials(each))]
+    text = "\n\n".join(part for part in parts if part)
+    (folder / f"{each.page}.md").write_text(text + "\n", encoding="utf-8")
+    if not (address or diagram):
+        return "", ""
+    is_committed = address.startswith(COMMITTED)
+    source = IMAGES.parent / address[3:] if is_committed else folder / (address or diagram)
+    small = thumbnail(source, folder / "static", each.page)
+    return small, alt if address else f"Block diagram of {each.name}"
 
 
-def _picture(folder: Path, entry: _Entry, graph: runtime.Graph) -> tuple[str, tuple[str, ...]]:
-    """The address of an entry's picture, if there is one, and the commands that make it."""
-    command = f"runtime run {entry.name}"
+def _shell(commands: Iterable[str]) -> str:
+    return "\n".join(("```sh", *commands, "```"))
+
+
+def _trials(each: Entry) -> list[str]:
+    """Commands that change a graph: each was checked with it."""
+    found = [f"runtime new my.yaml --from {each.name}"]
+    try:
+        each.graph.check()
+    except runtime.MissingExtraError:
+        return found
+    names = [name for name in each.graph.network.entries if "." not in name]
+    changes = [("without", name) for name in reversed(names)]
+    changes += [("bypass", name) for name in names]
+    for how, name in changes:
+        with suppress(runtime.SpikeblocksError):
+            getattr(each.graph, how)(name).check()
+            found.append(f"runtime run {each.name} --vs {how}={name}")
+            break
+    for path, value in _numbers(each.graph):
+        with suppress(runtime.SpikeblocksError):
+            each.graph.set(path, 2 * value).check()
+            found.append(f"runtime run {each.name} --vs set={path}={2 * value:g}")
+            break
+    return [*found, f"runtime explain {each.name}"]
+
+
+def _numbers(graph: runtime.Graph) -> Iterator[tuple[str, float]]:
+    """Numbers of a graph that can be doubled, with their addresses."""
+    tree = graph.to_dict()
+    sections = [("params", tree.get("params", {}))]
+    sections += [(f"blocks.{name}", entry) for name, entry in tree["blocks"].items()]
+    for path, entries in sections:
+        for key, value in entries.items() if isinstance(entries, dict) else ():
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if is_number and value and key not in ("dt", "offset"):
+                yield f"{path}.{key}", value
+
+
+def _picture(folder: Path, each: Entry) -> tuple[str, tuple[str, ...], str]:
+    """The address of an entry's picture, '' if there is none; its commands; what it shows."""
+    command = f"runtime run {each.name}"
     for name, committed in PICTURES.items():
         if committed.commands[0].split()[:3] == command.split():
-            return f"../images/{name}", committed.commands
-    picture = _of_graph(command, graph)
+            return f"{COMMITTED}{name}", committed.commands, f"{each.title}: {committed.shows}"
+    picture = _of_graph(command, each.graph)
     if picture is None:
-        return "", (command,)
-    digest = hashlib.sha256(repr((graph.to_dict(), picture)).encode()).hexdigest()[:12]
-    target = folder / f"{entry.page}-{digest}.png"
+        return "", (command,), ""
+    alt = f"{each.title}: {picture.shows}"
+    made = (each.graph.to_dict(), picture.made, picture.commands)
+    digest = hashlib.sha256(repr(made).encode()).hexdigest()[:12]
+    target = folder / f"{each.page}-{digest}.png"
     if not target.exists():
         if os.environ.get("SPIKEBLOCKS_DOCS_RUNS") == "0":
-            return "", picture.commands
-        for old in folder.glob(f"{entry.page}-*.png"):
-            if re.fullmatch(rf"{re.escape(entry.page)}-[0-9a-f]{{12}}\.png", old.name):
+            return "", picture.commands, ""
+        for old in folder.glob(f"{each.page}-*.png"):
+            if re.fullmatch(rf"{re.escape(each.page)}-[0-9a-f]{{12}}\.png", old.name):
                 old.unlink()
         picture.make(target)
-    return target.name, picture.commands
+    return target.name, picture.commands, alt
 
 
 def _of_graph(command: str, graph: runtime.Graph) -> Picture | None:
@@ -143,4 +192,8 @@ def _of_graph(command: str, graph: runtime.Graph) -> Picture | None:
     share = MAX_SECONDS / max(python_seconds(network), MAX_SECONDS)
     if share < 1.0:
         command += f" --until={share * network.ticks * network.dt:.1g}"
-    return of_run(command, slug(plots[0].name, "plot"))
+    plot = plots[0]
+    title = plot.options.get("title") or plot.name.replace("_", " ")
+    signals = ", ".join(plot.of)
+    shows = f"plot of kind {plot.kind}, {title}" + (f", of {signals}" if signals else "")
+    return of_run(command, slug(plot.name, "plot"), shows)

@@ -1,6 +1,6 @@
 """Descriptions of blocks and options, from their own declarations: as text, Markdown and data.
 
-In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks.md or as
+In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks or as
 plain data; nothing is written down twice::
 
     param_row("dt", LQR.spec.params["dt"])    # name, what is expected, default, documentation
@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 import sys
 from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from blocks.core import Block, Input, Output, Param
+from blocks.core import Block, Input, Output, Param, Setting, Variant
 from blocks.registry import BLOCKS, blocks_of_module
 from runtime.errors import UsageError
 from runtime.terminal import table
@@ -72,10 +74,56 @@ def _first_line(text: str | None) -> str:
     return (text or "").strip().split("\n")[0].replace("``", "")
 
 
+def settings(known: Mapping[str, type[Block]]) -> dict[type[Setting], list[str]]:
+    """Settings that parameters choose from, as neuron models and solvers, and which these are.
+
+    ``Decoder.synapse, Weights.synapse`` for the synapses: only what has forms that can be listed.
+    """
+    users: dict[type[Setting], list[str]] = {}
+    for name, cls in known.items():
+        for parameter, declared in cls.spec.params.items():
+            if declared.setting is not None and declared.setting.forms():
+                users.setdefault(declared.setting, []).append(f"{name}.{parameter}")
+    return users
+
+
+def forms(setting: type[Setting]) -> list[TableRow]:
+    """What may be written for a setting: each form with its parameters and a line about it."""
+    rows = []
+    members = setting.members if issubclass(setting, Variant) else {}
+    # The forms of a family of classes are in the order of its classes.
+    labels = [*members, *[""] * len(setting.forms())]
+    for label, (form, doc) in zip(labels, setting.forms().items(), strict=False):
+        declared = members[label].declared if label else {}
+        given = [f"{name}: {param_row(name, d)[2]}" for name, d in declared.items()]
+        rows.append((form, ", ".join(given), "", doc))
+    return rows
+
+
+def variants(known: Mapping[str, type[Block]]) -> dict[str, type[Variant]]:
+    """The classes that settings of these blocks are chosen from, as ``LIF``, by name."""
+    families = [each for each in settings(known) if issubclass(each, Variant)]
+    return {label: member for family in families for label, member in family.members.items()}
+
+
+def describe_variant(cls: type[Variant], used: str) -> str:
+    """The description of a neuron model, solver and so on for a terminal."""
+    rows = [param_row(name, declared) for name, declared in cls.declared.items()]
+    parameters = ["parameters", table(rows), ""] if rows else []
+    lines = [cls.label, "", inspect.getdoc(cls) or "", "", *parameters]
+    written = f"{{{cls.key}: {cls.label}, {rows[0][0]}: ...}}" if rows else cls.label
+    name = used.partition(", ")[0].partition(".")[2]
+    return "\n".join([*lines, f"for {used}, as in {name}: {written}"])
+
+
 def describe_text(cls: type[Block]) -> str:
     """The description of a block for a terminal."""
     lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
-    for title, rows in _tables(cls):
+    tables = _tables(cls)
+    for setting, users in settings({cls.__name__: cls}).items():
+        names = [user.partition(".")[2] for user in users]
+        tables.append((f"for {', '.join(names)}: {setting.expected}", forms(setting)))
+    for title, rows in tables:
         # Without columns that are empty throughout, as the defaults of ports are.
         columns = [i for i in range(len(rows[0])) if any(row[i] for row in rows)]
         lines += [title, table([[row[i] for i in columns] for row in rows]), ""]
@@ -86,11 +134,15 @@ def describe_text(cls: type[Block]) -> str:
 
 
 def describe_markdown(cls: type[Block]) -> str:
-    """The description of a block for docs/blocks.md."""
-    first, _, rest = (inspect.getdoc(cls) or "").partition("\n")
-    lines = [f"## {cls.__name__}", "", first, ""]
-    if rest.strip():
-        lines += ["```text", rest.strip("\n"), "```", ""]
+    """The description of a block for its page in docs/blocks."""
+    paragraphs = (inspect.getdoc(cls) or "").split("\n\n")
+    lines = [f"## {cls.__name__}", ""]
+    for is_code, together in groupby(paragraphs, key=_is_code):
+        if is_code:
+            text = "\n\n".join(together).strip("\n").replace("``", "")
+            lines += ["```text", text, "```", ""]
+        else:
+            lines += [line for text in together for line in (_prose(text), "")]
     for title, rows in _tables(cls):
         lines += [f"| {title} | | | |", "|---|---|---|---|"]
         for name, kind, default, text in rows:
@@ -101,6 +153,36 @@ def describe_markdown(cls: type[Block]) -> str:
     if through:
         lines += [f"`bypass` wires `{through[0]}` straight to `{through[1]}`.", ""]
     return "\n".join(lines)
+
+
+def settings_markdown(known: Mapping[str, type[Block]]) -> str:
+    """What parameters of these blocks choose from: a table for each kind of setting."""
+    lines = []
+    for setting, users in settings(known).items():
+        places = ", ".join(f"`{user}`" for user in users)
+        lines += [f"## {setting.__name__}", "", f"For {places}: {setting.expected}.", ""]
+        lines += ["| form | parameters, with defaults | |", "|---|---|---|"]
+        for form, given, _, doc in forms(setting):
+            cells = (f"`{form}`", f"`{given}`" if given else "", doc)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+# What Markdown would read as a mark in "K [along, lateral]", "s_i * x" or "<path>".
+MARKS = re.compile(r"([\\*_\[\]<>#~|$])")
+
+
+def _is_code(text: str) -> bool:
+    """Whether a paragraph of a docstring is a drawing, or equations below each other."""
+    rows = text.strip("\n").split("\n")
+    return rows[0].startswith("    ") or "─▶ [" in text or any("  " in row.strip() for row in rows)
+
+
+def _prose(text: str) -> str:
+    """A paragraph of a docstring in Markdown."""
+    parts = text.split("``")  # every second one is code
+    return "`".join(part if i % 2 else MARKS.sub(r"\\\1", part) for i, part in enumerate(parts))
 
 
 def describe_json(cls: type[Block]) -> dict[str, Any]:
@@ -117,15 +199,21 @@ def describe_json(cls: type[Block]) -> dict[str, Any]:
             for n, p in spec.outputs.items()
         },
         "states": {n: {"unit": s.unit, "doc": s.doc} for n, s in spec.states.items()},
-        "parameters": {
-            n: {
-                "expected": p.describe(),
-                "required": p.required,
-                "default": None if p.required else _plain(p.default),
-                "doc": p.doc,
-            }
-            for n, p in spec.params.items()
-        },
+        "parameters": parameters_json(spec.params),
+    }
+
+
+def parameters_json(params: Mapping[str, Param]) -> dict[str, Any]:
+    """The parameters of a block, or of a setting, as plain data."""
+    return {
+        n: {
+            "expected": p.describe(),
+            "required": p.required,
+            "default": None if p.required else _plain(p.default),
+            "doc": p.doc,
+            **({"forms": dict(p.setting.forms())} if p.setting and p.setting.forms() else {}),
+        }
+        for n, p in params.items()
     }
 
 
@@ -161,7 +249,9 @@ def param_row(name: str, declared: Param) -> TableRow:
 def _plain(value: Any) -> Any:
     value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
     # JSON has no infinity; this is how a graph writes it.
-    return ".inf" if isinstance(value, float) and math.isinf(value) else value
+    if isinstance(value, float) and math.isinf(value):
+        return ".inf" if value > 0.0 else "-.inf"
+    return value
 
 
 def _default_text(value: Any) -> str:

@@ -20,9 +20,11 @@ import pytest
 import blocks
 import runtime
 from blocks.registry import blocks_of_module
-from runtime.cli.describe import blocks_page, gallery_page, observing_page
+from runtime.cli.describe import blocks_pages, gallery_page, observing_page
 from runtime.cli.expressions_page import expressions_page
+from runtime.cli.shipped import shipped
 from runtime.document import parse_yaml
+from tests.browser import find
 from tests.conftest import Run
 from tests.test_rooms import FLOORS
 
@@ -34,8 +36,9 @@ ERRORS = re.search(r"```text\n(my\.yaml.*?)```", README, re.S)
 
 
 def test_the_blocks_page_is_current() -> None:
-    page = (ROOT / "docs" / "blocks.md").read_text(encoding="utf-8")
-    assert page == blocks_page(), "run: python -m runtime.cli.describe"
+    for name, text in blocks_pages().items():
+        page = (ROOT / "docs" / name).read_text(encoding="utf-8")
+        assert page == text, "run: python -m runtime.cli.describe"
     page = (ROOT / "docs" / "observing.md").read_text(encoding="utf-8")
     assert page == observing_page(), "run: python -m runtime.cli.describe"
     page = (ROOT / "docs" / "expressions.md").read_text(encoding="utf-8")
@@ -325,8 +328,41 @@ def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    for page in ("index", "tutorial", "python-api", "generated/gallery", "generated/command-line"):
+    for page in ("tutorial", "python-api", "generated/command-line"):
         assert (tmp_path / f"{page}.html").stat().st_size > 2000
+    landing, gallery = check_page(tmp_path / "index.html"), tmp_path / "generated" / "gallery.html"
+    heads = {
+        e.attributes.get("property"): e.attributes["content"]
+        for e in find(landing, "meta")
+        if "content" in e.attributes
+    }
+    assert heads["og:image"].endswith("/_images/errors.png")
+    assert (tmp_path / "_images" / "errors.png").is_file()
+    assert heads["og:description"]
+    assert len(find(landing, "a", class_="card")) == 6
+    assert "{{" not in landing
+    groups = ("graphs", "starters", "gallery", "gallery/nengo", "gallery/published")
+    count = sum(len(shipped(group)) for group in groups)
+    assert len(find(check_page(gallery), "a", class_="card")) == count
+    assert gallery.stat().st_size < 1e6
+    weight = sum(path.stat().st_size for path in (tmp_path / "_static").glob("graph-*.webp"))
+    assert weight < 1e6
+    page = check_page(tmp_path / "generated" / "graph-gallery-pid_loop.html")
+    assert find(page, "a", href="../blocks/dynamics.html#pid")
+    assert 'id="pid"' in (tmp_path / "blocks" / "dynamics.html").read_text(encoding="utf-8")
+
+
+def check_page(path: Path) -> str:
+    """The text of a page: its pictures and links within the site exist, and say what they show."""
+    html = path.read_text(encoding="utf-8")
+    for image in find(html, "img"):
+        source = image.attributes["src"].partition("?")[0]
+        assert (path.parent / source).is_file(), source
+        assert "alt" in image.attributes
+    for link in find(html, "a"):
+        target = link.attributes.get("href", "").partition("#")[0].partition("?")[0]
+        assert not target or ":" in target or (path.parent / target).exists(), target
+    return html
 
 
 def test_the_index_lists_every_page() -> None:

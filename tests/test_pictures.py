@@ -30,6 +30,11 @@ def above(text: str, count: int) -> tuple[str, ...]:
     return tuple(command.replace("my.yaml", "starters/adaptive") for command in found[-count:])
 
 
+def below(text: str, count: int) -> tuple[str, ...]:
+    """The first commands of a text."""
+    return tuple(command.strip() for command in COMMAND.findall(text)[:count])
+
+
 def test_pages_print_the_commands_of_their_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = of_docs("pictures", monkeypatch).PICTURES
     shown = set()
@@ -38,7 +43,10 @@ def test_pages_print_the_commands_of_their_pictures(monkeypatch: pytest.MonkeyPa
         for image in IMAGE.finditer(text):
             if image[1] not in OF_STUDIES:
                 commands = pictures[image[1]].commands
-                assert above(text[: image.start()], len(commands)) == commands, page.name
+                before, after = text[: image.start()], text[image.end() :]
+                # The first picture of a page comes before its command.
+                first = below(after, len(commands)) if not above(before, 1) else ()
+                assert commands in (above(before, len(commands)), first), page.name
                 shown.add(image[1])
     assert shown == set(pictures)
     assert {path.name for path in (ROOT / "docs" / "images").iterdir()} == shown | OF_STUDIES
@@ -55,8 +63,9 @@ def page_of(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[s
     pages = of_docs("site_pages", monkeypatch)
     group, _, stem = name.rpartition("/")
     (found,) = (each for each in pages.shipped(group or "graphs") if each.name == stem)
-    address = pages._page(folder, pages._Entry(group, name, "page", found))
-    return (folder / "page.md").read_text(encoding="utf-8"), address
+    each = pages.entry(group or "graphs", found)
+    pages._page(folder, each)
+    return (folder / f"{each.page}.md").read_text(encoding="utf-8"), pages._picture(folder, each)[0]
 
 
 @pytest.mark.parametrize("name", ["wall_following_robust", "wall_following_mujoco_robust"])
@@ -67,8 +76,10 @@ def test_the_gallery_prints_the_commands_of_committed_pictures(
     text, address = page_of(name, tmp_path, monkeypatch)
     commands = pictures[Path(address).name].commands
     assert commands[0].split()[2] == name
-    console = "\n".join(f"    {command}" for command in commands)
-    assert f"\n\n{console}\n\n![{name}]({address})\n" in text
+    console = "\n".join(commands)
+    assert re.search(
+        rf"```sh\n{re.escape(console)}\n```\n\n!\[.*\]\({re.escape(address)}\)\n", text
+    )
 
 
 @pytest.mark.parametrize("long", [False, True])
@@ -85,7 +96,7 @@ def test_the_gallery_runs_what_it_prints(
         page_of(name, tmp_path, monkeypatch)
     monkeypatch.setenv("SPIKEBLOCKS_DOCS_RUNS", "0")
     text, _ = page_of(name, tmp_path, monkeypatch)
-    assert above(text, 1) == tuple(ran)
+    assert below(text, 1) == tuple(ran)
     assert ("--until=" in ran[0]) == long
 
 
@@ -95,7 +106,7 @@ def test_a_picture_of_the_gallery_is_that_of_its_command(
 ) -> None:
     name = "gallery/van_der_pol"
     text, address = page_of(name, tmp_path, monkeypatch)
-    assert above(text, 1) == (f"runtime run {name}",)
+    assert below(text, 1) == (f"runtime run {name}",)
     graph = runtime.load(name)
     graph.run().plot(graph.observation.all_plots[0].name).savefig(tmp_path / "own.png", dpi=150)
     assert (imread(tmp_path / address) == imread(tmp_path / "own.png")).all()

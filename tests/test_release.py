@@ -49,7 +49,7 @@ def test_links_of_the_index_page_have_addresses(monkeypatch: pytest.MonkeyPatch)
     repository, tag = PROJECT["urls"]["Repository"], f"v{PROJECT['version']}"
     for path in of_files:
         assert (ROOT / path).is_file()
-        view = "raw" if path.endswith((".png", ".svg")) else "blob"
+        view = "raw" if path.endswith((".gif", ".png", ".svg")) else "blob"
         assert f"{repository}/{view}/{tag}/{path}" in on_index
     assert all(address.startswith(("https://", "#")) for address in on_index)
     assert len(of_files) > 20

@@ -8,6 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
+    from blocks.control.linear_control import LinearDisturbanceObserver, LinearL1, LinearMPC
     from blocks.control.lqr import LQR
     from blocks.control.mpc import MPC
     from blocks.control.observer import DiscreteSteadyStateKalman, SteadyStateKalman
@@ -28,6 +29,9 @@ __all__ = [
     "DisturbanceObserver",
     "L1Adaptive",
     "LinePath",
+    "LinearDisturbanceObserver",
+    "LinearL1",
+    "LinearMPC",
     "LinearQuadraticRegulator",
     "MatchingPoint",
     "PathPID",

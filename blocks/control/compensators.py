@@ -135,10 +135,11 @@ class Compensator(Tracker):
 
 @final
 class DisturbanceObserver(Compensator):
-    """Estimate the disturbance from what the heading did and what it should have done.
+    """Path following: estimate the disturbance of the turn rate from what the heading did.
 
         error, reference, learn ─▶ [ DisturbanceObserver ] ─▶ command
 
+    For other plants there is LinearDisturbanceObserver. Here,
     d_hat is (change of e_theta) / dt - u of the last tick behind a lowpass of time constant
     ``tau``: the observer of Ohnishi with a first-order filter (Chen, Yang, Guo and Li,
     Disturbance-Observer-Based Control and Related Methods: An Overview, 2016). A constant d is
@@ -176,9 +177,11 @@ class DisturbanceObserver(Compensator):
 
 @final
 class L1Adaptive(Compensator):
-    """L1 adaptive control of the turn rate: a state predictor, fast adaptation, and a filter.
+    """Path following: L1 adaptive control of the turn rate, by a predictor and a filter.
 
         error, reference, learn ─▶ [ L1Adaptive ] ─▶ command
+
+    For other plants there is LinearL1.
 
     Predictor   x(t_k+1) = e_theta + dt (u + sigma) + fade (x - e_theta)
     Adaptation  sigma = -fade (x - e_theta) / dt, fade = exp(-predictor dt)

@@ -32,8 +32,8 @@ SLACK = 1e-9  # by which rounding may pass a bound
 class QuadraticProgram:
     """A condensed quadratic program: minimise u'Hu/2 + (F x)'u subject to G u <= g.
 
-    u (2 N,) holds v and omega in turn, for N steps. ``free`` is -H^-1 F (2 N, 3), ``rows`` is G
-    (m, 2 N), and ``root`` a lower triangular matrix with root root' = H^-1.
+    u (m N,) holds the m commands of each of N steps. ``free`` is -H^-1 F (m N, n), ``rows`` is G
+    (4 m N, m N), and ``root`` a lower triangular matrix with root root' = H^-1.
     """
 
     free: FloatArray
@@ -44,7 +44,8 @@ class QuadraticProgram:
     def of(
         cls, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, steps: int
     ) -> QuadraticProgram:
-        """Eliminate the states of x_k+1 = A x_k + B u_k.
+        """Eliminate the states of x_k+1 = A x_k + B u_k. The rows of G bound all u from above, then
+        from below, then their changes from step to step upwards and downwards.
 
         The last state's weight solves the Riccati equation, so that without limits the first
         command is the LQR's, for any number of steps.
@@ -71,7 +72,7 @@ class QuadraticProgram:
         return cls(-product(inverse, f), rows, _cholesky(0.5 * (inverse + inverse.T)))
 
     def minimum(self, x: FloatArray, bounds: FloatArray) -> FloatArray:
-        """The minimiser u (2 N,) for a state x (3,) and bounds g (m,), some infinite.
+        """The minimiser u (m N,) for a state x (n,) and bounds g (4 m N,), some infinite.
 
         A least distance problem in the metric of H, solved through its dual by non-negative least
         squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).
@@ -114,7 +115,7 @@ def _cholesky(matrix: FloatArray) -> FloatArray:
 
 @final
 class MPC(Tracker):
-    """Model predictive control: the best commands over a horizon, of which the first is given.
+    """Path following: model predictive control, the best commands over a horizon.
 
         error, reference, turn ─▶ [ MPC ] ─▶ command
 
@@ -125,7 +126,8 @@ class MPC(Tracker):
     2017). Away from all limits it is the LQR. The quadratic program is condensed and solved
     exactly, by an active-set method. Q weighs the errors in the path's frame.
 
-    With scipy in each tick at a limit, it is the slowest of the trackers.
+    With scipy in each tick at a limit, it is the slowest of the trackers. For other plants there
+    is LinearMPC.
     """
 
     turn = Input(

@@ -8,7 +8,9 @@ In: measurements, and the command of the plant. Out: an estimate of its states::
 
 from __future__ import annotations
 
+import math
 from abc import ABC
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import ClassVar
 
@@ -29,6 +31,7 @@ from blocks.core import (
     Vector,
     covariance_fault,
     param,
+    rate_note,
     size_of,
 )
 
@@ -101,6 +104,12 @@ class _SteadyState(Block, ABC):
                 message = f"has {size} numbers in {port}, but {given[port]} are wired to it"
                 raise ParameterError([("plant" if self.plant is not None else "A", message)])
 
+    def notes(self, context: BlockContext, steps: Mapping[str, tuple[float, ...]]) -> Iterable[str]:
+        for i, step in enumerate(steps.get("measurement", ())):
+            if context.dt * (1.0 + 1e-6) < step < math.inf:
+                way = "use a KalmanFilter, whose measurements have a dt each"
+                yield rate_note(f"measurement[{i}]", step, context.dt, way)
+
     def design(self, context: BlockContext) -> tuple[FloatArray, Model]:
         """L (n, p), and the model that it is for.
 
@@ -123,9 +132,14 @@ class _SteadyState(Block, ABC):
             if r.shape != (p, p):
                 message = f"expected {p} x {p} numbers, as measured, got {size_of(self.r)}"
                 raise ParameterError([("R", message)])
-            gain = observer_gain(model, square(self.q, n), r, self.is_sampled)
+            model, q = self.augmented(model, square(self.q, n))
+            gain = observer_gain(model, q, r, self.is_sampled)
             self._designs[context.dt] = gain, model
         return self._designs[context.dt]
+
+    def augmented(self, model: Model, q: FloatArray) -> tuple[Model, FloatArray]:
+        """The model with further states that are estimated, and the covariance of all of them."""
+        return model, q
 
     @cached_property
     def _designs(self) -> dict[float, tuple[FloatArray, Model]]:
@@ -139,7 +153,7 @@ class _SteadyState(Block, ABC):
         )
         state.x0, state.u0, state.y0 = model.x0.copy(), model.u0.copy(), model.y0.copy()
         if self.initial is not None:
-            state.x[:] = self.initial - model.x0
+            state.x[: len(self.initial)] = self.initial - model.x0[: len(self.initial)]
 
     def innovation(self, state: BlockState, measurement: tuple[float, ...], i: int) -> float:
         """Number i of y - C x, of deviations."""
@@ -198,29 +212,12 @@ class SteadyStateKalman(_SteadyState):
         return rates
 
 
-class DiscreteSteadyStateKalman(_SteadyState):
-    """The best estimate of the states of a sampled linear system, with a gain that does not change.
-
-        measurement, control ─▶ [ DiscreteSteadyStateKalman ] ─▶ estimate
-
-    estimate = x + L (y - C x), and x(t_k+1) = A estimate + B u, with L = P C' (C P C' + R)^-1 of
-    the steady P of a KalmanFilter: A P A' - P - A P C' (C P C' + R)^-1 C P A' + Q = 0, solved by
-    scipy. A, B and C are given for one step of the block, or are those of the block ``plant`` at
-    x0, u0, discretised for a held u; Q and R are covariances of the noise at each tick.
-    ``measurement`` and ``control`` take numbers, records and vectors.
-    """
+class SampledObserver(_SteadyState, ABC):
+    """A filter that corrects its prediction at each tick: x_k+1 = A (x_k + L (y - C x_k)) + B u."""
 
     is_sampled = True
 
-    estimate = Output(Vector("n"), doc="the states")
-
-    x = State("n", name="x", doc="the prediction, from x0")
-
-    def output(self, state: BlockState, t: float, measurement: tuple[float, ...]) -> FloatArray:
-        out = self.corrected(state, measurement)
-        for i in range(len(out)):
-            out[i] += state.x0[i]
-        return out
+    x: State
 
     def corrected(self, state: BlockState, measurement: tuple[float, ...]) -> FloatArray:
         """The prediction with what the measurements say, from x0."""
@@ -241,3 +238,26 @@ class DiscreteSteadyStateKalman(_SteadyState):
         after = self.following(state, self.corrected(state, measurement), control)
         for i in range(len(after)):
             state.x[i] = after[i]
+
+
+class DiscreteSteadyStateKalman(SampledObserver):
+    """The best estimate of the states of a sampled linear system, with a gain that does not change.
+
+        measurement, control ─▶ [ DiscreteSteadyStateKalman ] ─▶ estimate
+
+    estimate = x + L (y - C x), and x(t_k+1) = A estimate + B u, with L = P C' (C P C' + R)^-1 of
+    the steady P of a KalmanFilter: A P A' - P - A P C' (C P C' + R)^-1 C P A' + Q = 0, solved by
+    scipy. A, B and C are given for one step of the block, or are those of the block ``plant`` at
+    x0, u0, discretised for a held u; Q and R are covariances of the noise at each tick.
+    ``measurement`` and ``control`` take numbers, records and vectors.
+    """
+
+    estimate = Output(Vector("n"), doc="the states")
+
+    x = State("n", name="x", doc="the prediction, from x0")
+
+    def output(self, state: BlockState, t: float, measurement: tuple[float, ...]) -> FloatArray:
+        out = self.corrected(state, measurement)
+        for i in range(len(out)):
+            out[i] += state.x0[i]
+        return out

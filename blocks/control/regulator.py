@@ -118,12 +118,16 @@ class LinearQuadraticRegulator(Block):
             if model.b.shape != (n, m):
                 size = f"{len(model.b)} states and {model.b.shape[1]} commands"
                 raise ParameterError([("plant", f"has {size}, Q and R are for {n} and {m}")])
-            is_sampled = context.sampled or self.discrete
+            is_sampled = self.is_sampled(context)
             if is_sampled and not self.discrete:
                 model = model.sampled(context.dt)
             gain = regulator_gain(model, square(self.q, n), square(self.r, m), is_sampled)
             self._designs[key] = gain, model
         return self._designs[key]
+
+    def is_sampled(self, context: BlockContext) -> bool:
+        """Whether the command holds between ticks, for which the gain is then designed."""
+        return context.sampled or self.discrete
 
     @cached_property
     def _designs(self) -> dict[tuple[float, bool], tuple[FloatArray, Model]]:

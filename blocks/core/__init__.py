@@ -28,7 +28,8 @@ from blocks.core.expressions import (
     signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
-from blocks.core.hints import hint
+from blocks.core.graph_input import GraphInput
+from blocks.core.hints import hint, rate_note
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -120,6 +121,7 @@ __all__ = [
     "ExpressionError",
     "Expressions",
     "FloatArray",
+    "GraphInput",
     "Input",
     "IntArray",
     "MissingPackageError",
@@ -185,6 +187,7 @@ __all__ = [
     "polynomials",
     "portable",
     "product",
+    "rate_note",
     "read_expressions",
     "require",
     "show",

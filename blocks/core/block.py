@@ -242,6 +242,16 @@ class Block:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""
         return ""
 
+    def notes(self, context: BlockContext, steps: Mapping[str, tuple[float, ...]]) -> Iterable[str]:
+        """What looks wrong but can run, one text each, after :meth:`validate_in`.
+
+        Parameters
+        ----------
+        steps : for each input that is wired, how long each of its numbers stays the same (s): 0
+            where it moves between ticks, infinity where it is constant.
+        """
+        return ()
+
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 
@@ -277,6 +287,10 @@ class Block:
     def port_type(self, name: str) -> PortType:
         """The type of a port; parameters may determine another than the declared one."""
         return self.spec.ports[name].type
+
+    def port_unit(self, name: str) -> str:
+        """The unit of a port; parameters may determine another than the declared one."""
+        return self.spec.ports[name].unit
 
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:

@@ -165,7 +165,16 @@ class Equations(Block, ABC):
         form: SignalForm | None = "array",
     ) -> Callable[..., Any]:
         """A function of :attr:`arguments` that computes expressions."""
-        read = self.read(items(parameter, texts), inputs)
+        return self.function_of(items(parameter, texts), inputs, form)
+
+    def function_of(
+        self,
+        written: Sequence[tuple[str, str]],
+        inputs: int | Sequence[str],
+        form: SignalForm | None = "array",
+    ) -> Callable[..., Any]:
+        """The same of expressions of several parameters, each with its address."""
+        read = self.read(written, inputs)
         return function_from(function_text(read, self.arguments, form))
 
     @property

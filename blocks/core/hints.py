@@ -1,4 +1,4 @@
-"""The ends of messages about names: what was probably meant, or what there is.
+"""Parts of messages: of names, what was probably meant or what there is; of held signals.
 
 A wrong name and the known ones go in, the end of a sentence comes out::
 
@@ -64,3 +64,12 @@ def _letter_counts(names: tuple[str, ...]) -> npt.NDArray[np.int16]:
         for letter in name[:LONGEST]:
             row[ord(letter) % LETTERS] += 1
     return counts
+
+
+def rate_note(what: str, step: float, used: float, way_out: str) -> str:
+    """The note for a signal that is held and counted as new."""
+    times = step / used
+    return (
+        f"{what} is new every {step:g} s, and is used every {used:g} s: what is held counts as "
+        f"{times:.3g} measurements; {way_out}"
+    )

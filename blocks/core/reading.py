@@ -133,7 +133,8 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
         suggestion = f"rename it, with name='{name}' if graphs should use that name"
         raise DeclarationError(f"{label}: hides {base.__name__}.{attribute}; {suggestion}")
     if kind is Param:
-        if name in RESERVED_PARAMETERS:
+        # The 'type' of an input of a graph is that of its signal.
+        if name in RESERVED_PARAMETERS and cls.__name__ != "GraphInput":
             raise DeclarationError(f"{label}: '{name}' is reserved in graphs; rename it")
         key = f"parameter {name}"
     else:

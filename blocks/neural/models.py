@@ -123,8 +123,7 @@ def sigmoid_step(
 
 
 class Sigmoid(_Saturating):
-    """A rate of 1 / (tau_ref (1 + exp(-J))); the intercept is where J = 0, at half the
-    largest rate."""
+    """A rate of 1 / (tau_ref (1 + exp(-J))), half of the largest one at the intercept."""
 
     step = staticmethod(sigmoid_step)
 

@@ -13,8 +13,7 @@ state (order, k) and calls::
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from itertools import count
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +28,27 @@ from blocks.core import (
     show,
 )
 from blocks.core.portable import SELDOM, flush, share_of
+
+
+class Filtering:
+    """Filters row after row in place: ``filtering(rows)``.
+
+    ``memory`` is the filter's state (order, width), and ``taken`` the number of rows so far.
+    """
+
+    def __init__(self, a: FloatArray, b: FloatArray, width: int) -> None:
+        self.a, self.b = a, b
+        self.memory = np.zeros((len(b), width))
+        self.taken = 0  # not of a tick's number: a filter of recorded rows has none
+
+    def __call__(self, rows: FloatArray) -> None:
+        for row in rows:
+            output = passed(self.memory, self.a, self.b, row)
+            remember(self.memory, self.a, self.b, row, output)
+            row[:] = output
+            if self.taken % SELDOM == 0:
+                flush(self.memory)
+            self.taken += 1
 
 
 class Synapse(Variant, root=True):
@@ -69,21 +89,9 @@ class Synapse(Variant, root=True):
         """A (m, m) and B (m,) for a step of dt."""
         raise NotImplementedError
 
-    def filtering(self, dt: float, width: int) -> Callable[[FloatArray], None]:
+    def filtering(self, dt: float, width: int) -> Filtering:
         """A function that filters row after row (n, width) in place, from zero on."""
-        a, b = self.matrices(dt)
-        memory = np.zeros((len(b), width))
-        taken = count()  # not of a tick's number: a filter of recorded rows has none
-
-        def run(rows: FloatArray) -> None:
-            for row in rows:
-                output = passed(memory, a, b, row)
-                remember(memory, a, b, row, output)
-                row[:] = output
-                if next(taken) % SELDOM == 0:
-                    flush(memory)
-
-        return run
+        return Filtering(*self.matrices(dt), width)
 
 
 class LowpassSynapse(Synapse, label="lowpass"):

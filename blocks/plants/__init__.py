@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from blocks.plants.arms import TwoLinkArm
+    from blocks.plants.arms import PlanarArm, TwoLinkArm
     from blocks.plants.masses import DoubleIntegrator, MassSpringDamper
     from blocks.plants.pendulums import CartPole, Pendulum
 else:
     __getattr__ = door(__name__)
 
-__all__ = ["CartPole", "DoubleIntegrator", "MassSpringDamper", "Pendulum", "TwoLinkArm"]
+__all__ = ["CartPole", "DoubleIntegrator", "MassSpringDamper", "Pendulum", "PlanarArm"]
+__all__ += ["TwoLinkArm"]

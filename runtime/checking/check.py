@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from blocks.core import (
@@ -139,16 +140,19 @@ def context_for(
         return kind.sized(lengths.get(kind.symbol, LENGTH)) if kind.symbol else kind
 
     variadic = [name for name, port in spec.inputs.items() if port.variadic]
-    spread = [port.spread for port in spec.inputs.values() if port.spread]
     rejections = []
-    for count in TERMS if variadic else (0,):
-        lengths.update(dict.fromkeys(spread, count))
+    # The same number everywhere first: most blocks take any, or one for all of their inputs.
+    alike = [(count,) * len(variadic) for count in TERMS]
+    for counts in dict.fromkeys([*alike, *product(TERMS, repeat=len(variadic))]):
+        given_counts = dict(zip(variadic, counts, strict=True))
+        spread = {spec.inputs[name].spread: n for name, n in given_counts.items()}
+        lengths.update({symbol: n for symbol, n in spread.items() if symbol})
         _complete(block, lengths, resolve)
         types = {name: resolve(block.port_type(name)) for name in spec.ports}
         for name, kind in given.items():
             if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
                 raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
-        terms = dict.fromkeys(variadic, (True,) * count)
+        terms = {name: (True,) * n for name, n in given_counts.items()}
         context = BlockContext(dt, types, terms, world, lengths)
         try:
             block.validate_in(context)

@@ -14,7 +14,13 @@ from blocks.registry import BUILTIN
 from runtime.cli.expressions_page import expressions_page
 from runtime.cli.public_api import listing
 from runtime.cli.shipped import shipped
-from runtime.descriptions import describe_markdown, option_text
+from runtime.descriptions import (
+    describe_markdown,
+    families,
+    option_text,
+    settings_markdown,
+    summary,
+)
 from runtime.document import SHIPPED
 from runtime.language import json_schema
 from runtime.observation import (
@@ -42,11 +48,13 @@ ROOMS = (
     *("dynamics", "nonlinear", "plants", "mujoco"),
 )
 
-HEADER = """# Blocks
+MADE = "<!-- Made from the declarations by `python -m runtime.cli.describe`; do not edit. -->"
+HEADER = f"""# Blocks
 
-<!-- Made from the blocks' own declarations by `python -m runtime.cli.describe`; do not edit. -->
+{MADE}
 
 Every block also takes `dt` (s), its step: a whole multiple of `run.dt`, which is the default.
+`runtime blocks --search WORD` searches this list, and `runtime blocks TYPE` shows one block.
 """
 
 OBSERVING = """# Plots and metrics
@@ -65,14 +73,12 @@ COMMON_DOC = {
     "labels": "`labels` (texts): names of the lines, in their order",
 }
 
-GALLERY = """# Gallery
+GALLERY = """# Examples of other packages
 
-<!-- Made from the graphs' own first sentences by `python -m runtime.cli.describe`; do not edit. -->
+<!-- Made from the graphs' own comments by `python -m runtime.cli.describe`; do not edit. -->
 
-Each is a file in `graphs/gallery/`; run one, or draw it:
-
-    runtime run gallery/van_der_pol
-    runtime draw gallery/drive_to_point
+Which shipped graph is which example of bdsim, PathSim and Nengo. Run one by its name, as in
+`runtime run gallery/van_der_pol`; `runtime graphs` lists all, with a line each.
 """
 
 
@@ -104,11 +110,7 @@ ABSENT = {
 
 def gallery_page() -> str:
     """The text of docs/gallery.md."""
-    lines = [GALLERY, "| graph | what it shows | blocks |", "|---|---|---|"]
-    for each in shipped("gallery"):
-        kinds = _types(each.path.read_text(encoding="utf-8"))
-        lines.append(f"| `{each.name}` | {each.summary} | {kinds} |")
-    lines += [PUBLISHED, "| example | of | graph | blocks |", "|---|---|---|---|"]
+    lines = [GALLERY.rstrip(), PUBLISHED, "| example | of | graph | blocks |", "|---|---|---|---|"]
     after = _after("gallery", "gallery/published")
     lines += [f"| {name} | {of} | {graph} | {kinds} |" for name, of, graph, kinds in after]
     lines += [NENGO, "| notebook | graph | blocks |", "|---|---|---|"]
@@ -134,10 +136,22 @@ def _types(text: str) -> str:
     return ", ".join(sorted(set(re.findall(r"type: (\w+)", text))))
 
 
-def blocks_page() -> str:
-    """The text of docs/blocks.md."""
-    pages = [describe_markdown(cls) for cls in BUILTIN.values()]
-    return HEADER + "\n" + "\n".join(pages).rstrip() + "\n"
+def blocks_pages() -> dict[str, str]:
+    """The text of docs/blocks.md, all blocks with a line each, and of a page for each room."""
+    index, pages = [HEADER], {}
+    for family, names in families(BUILTIN).items():
+        room, _, about = family.partition(": ")
+        title = room.replace("_", " ").capitalize()
+        index += [f"## [{title}](blocks/{room}.md)", "", f"{about}.", "", "| block | is |"]
+        index.append("|---|---|")
+        for name in names:
+            line = summary(BUILTIN[name]).replace("|", "\\|")
+            index.append(f"| [`{name}`](blocks/{room}.md#{name.lower()}) | {line} |")
+        index.append("")
+        described = "\n".join(describe_markdown(BUILTIN[name]) for name in names)
+        described += "\n" + settings_markdown({name: BUILTIN[name] for name in names})
+        pages[f"blocks/{room}.md"] = f"# {title}\n\n{MADE}\n\n{about}.\n\n{described.rstrip()}\n"
+    return {"blocks.md": "\n".join(index).rstrip() + "\n", **pages}
 
 
 def observing_page() -> str:
@@ -194,7 +208,9 @@ if __name__ == "__main__":
     docs = Path(__file__).parents[2] / "docs"
     (docs.parent / "blocks" / "index.py").write_text(index_file(), encoding="utf-8")
     (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
-    (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
+    (docs / "blocks").mkdir(exist_ok=True)
+    for name, page in blocks_pages().items():
+        (docs / name).write_text(page, encoding="utf-8")
     (docs / "observing.md").write_text(observing_page(), encoding="utf-8")
     (docs / "api.txt").write_text(listing(), encoding="utf-8")
     (docs / "expressions.md").write_text(expressions_page(), encoding="utf-8")

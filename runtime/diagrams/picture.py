@@ -126,7 +126,7 @@ def picture_of(network: Network) -> Picture:
     scopes = list(network.scope.walk())
     # In the order in which the author wrote the blocks, removed ones included: the layout breaks
     # ties by this order, so that a diagram with and without a block looks alike.
-    names = [scope.prefix + name for scope in scopes for name in scope.blocks]
+    names = [scope.prefix + name for scope in scopes for name in scope.block_names()]
     boxes = {name: _box(network, entries[name]) for name in names if name in entries}
     parts = {
         scope.prefix[:-1]: Part(

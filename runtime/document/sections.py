@@ -24,6 +24,8 @@ SECTIONS = {
     "types": "signal types: names and units of components",
     "defaults": "values that blocks take where they give none, by key or by type",
     "world": "walls and obstacles",
+    "inputs": "signals that come from outside",
+    "outputs": "signals that are for others, by name",
     "blocks": "the boxes",
     "wires": "consumer: {input: producer.output}",
     "probes": "what is recorded",
@@ -35,8 +37,8 @@ SECTIONS = {
     "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
-    *("graph", "run", "params", "types", "defaults", "blocks", "wires", "without", "bypass"),
-    *("from", "initial", "probes", "plots", "metrics"),
+    *("graph", "run", "params", "types", "defaults", "inputs", "outputs", "blocks", "wires"),
+    *("without", "bypass", "from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = (
     *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
@@ -58,7 +60,7 @@ EXAMPLES = {
     "plots": "path: {kind: trajectory, of: plant.pose}",
     "metrics": "miss: {kind: rms, of: error.lateral}",
     "initial": "snn.weights: runs/my/latest",
-    "inputs": "speed: Scalar",
+    "inputs": "push: {type: Scalar, default: 0.0}",
     "outputs": "command: join.out",
 }
 RUN_KEYS = (

@@ -18,7 +18,7 @@ import numpy as np
 
 from blocks.core import has_kernels
 from runtime.engine.program import Program
-from runtime.engine.state import Array, Checkpoint, RunState, seed_of
+from runtime.engine.state import Array, RunState, Snapshot, seed_of
 from runtime.engine.values import brief
 from runtime.plan import (
     Call,
@@ -122,8 +122,8 @@ class Beside:
             self.due = next(self.ticks)
         return self.due
 
-    def difference(self, saved: Checkpoint, after: Checkpoint) -> Difference | None:
-        """The first difference on the tick between two checkpoints, the second of which is now.
+    def difference(self, saved: Snapshot, after: Snapshot) -> Difference | None:
+        """The first difference on the tick between two snapshots, the second of which is now.
 
         Puts the state back to the second, unless there is a difference.
         """
@@ -143,7 +143,7 @@ class Beside:
         return None
 
     def _of(
-        self, block: str, values: dict[tuple[str, str], tuple[Any, Any]], after: Checkpoint
+        self, block: str, values: dict[tuple[str, str], tuple[Any, Any]], after: Snapshot
     ) -> Difference | None:
         pairs = {f"output '{p}'": pair for (name, p), pair in values.items() if name == block}
         pairs |= self._states(block, after)
@@ -156,22 +156,22 @@ class Beside:
         for key, generator in now.items():
             before = after.generators.get(f"{block}.{key}")
             bits = generator.bit_generator.state
-            if before is None or not _equal(before[1], bits):
-                compiled = _Text("not used") if before is None else _position(before[1])
+            if before is None or not _equal(before, bits):
+                compiled = _Text("not used") if before is None else _position(before)
                 return Difference(block, f"generator state.{key}", compiled, _position(bits))
         return None
 
-    def _states(self, block: str, after: Checkpoint) -> dict[str, tuple[Array, Array]]:
+    def _states(self, block: str, after: Snapshot) -> dict[str, tuple[Array, Array]]:
         """The states of a block after the compiled tick, and now."""
         spec, slots = self.network.entries[block].cls.spec, self.state.program.plan.row.of(block)
         found = {}
         for key, declared in spec.states.items():
             if not declared.cached and not declared.continuous:
                 name = f"{block}.{key}"
-                found[f"state '{key}'"] = after.arrays[name], self.state.arrays[name]
+                found[f"state '{key}'"] = after.array(name), self.state.arrays[name]
         for slot in slots:
-            row = after.arrays["run/continuous"][slot.start : slot.stop]
-            found[f"state '{slot.name}'"] = row, self.state.continuous[slot.start : slot.stop]
+            name = f"{block}.{slot.name}"
+            found[f"state '{slot.name}'"] = after.array(name), self.state.arrays[name]
         # A kernel leaves other numbers in what its method uses as scratch memory.
         apart = {} if has_kernels(self.network.entries[block].cls) else after.apart
         for name, (array, copy) in apart.items():

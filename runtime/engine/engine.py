@@ -1,4 +1,13 @@
-"""The engine: owns all states of a run, and runs the plan's function at a fixed step."""
+"""The engine: owns all states of a run, and runs the plan's function at a fixed step.
+
+    engine = Engine(program, seed=3)
+    engine.advance(1000)          # prepares the run, and does its first thousand ticks
+    engine.advance(2000)          # goes on
+    outcome = engine.finish()     # the recordings so far
+
+``run`` does all of that for the length that the graph gives, and keeps what was recorded when it
+ends early.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +15,18 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
-from blocks.core import FloatArray, ParameterError
+from blocks.core import FloatArray
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.events import FOUND, TICK, TIME
 from runtime.engine.interrupts import stoppable
-from runtime.engine.loops import loop_names
-from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
 from runtime.engine.program import Program
 from runtime.engine.recorder import Recorder
 from runtime.engine.replay import ExactRunner
-from runtime.engine.rosenbrock import implicit
 from runtime.engine.runners import (
     CompiledError,
     MakeRunner,
@@ -36,30 +38,15 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.solvers import (
-    blend,
-    controls,
-    joined,
-    judged,
-    method_of,
-    refused,
-    substep,
-)
+from runtime.engine.starting import Start, described
 from runtime.engine.state import Held, RunState
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
-    Zeros,
-    bad_slope,
-    event_names,
-    floats,
-    sealed,
-    unreached,
-    wrong_initial,
 )
-from runtime.errors import Problem, SimulationError, UsageError, raised_at
+from runtime.errors import Problem, SimulationError, UsageError
 from runtime.network import Network
-from runtime.plan import Call, Plan, Record, Signal
+from runtime.plan import Plan
 
 # The seconds that ticks run between two looks at signals and progress: more, up to the last number,
 # where the checkpoint before them takes more than a part of this time.
@@ -125,7 +112,11 @@ class Engine:
     recorder: Recorder = field(init=False)
     arrays: dict[str, FloatArray] = field(init=False)
     diagnosis: Diagnosis = field(init=False)
-    checks: OutputChecks = field(init=False)
+    starting: Start = field(init=False)
+    namespace: dict[str, Any] = field(init=False, default_factory=dict)
+    is_checked: bool = field(init=False, default=False)
+    wall_s: float = field(init=False, default=0.0)
+    ready_s: float = field(init=False, default=0.0)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
     exact: ExactRunner | None = field(init=False, default=None)
@@ -134,16 +125,20 @@ class Engine:
         self.network, self.plan = self.program.network, self.program.plan
         probes, ticks = self.program.observation.probes, self.network.ticks
         self.recorder = Recorder(
-            *(probes, ticks, self.network.dt, self.program.gathered, self.folder)
+            *(probes, ticks, self.network.dt, self.program.gathered, self.folder),
+            growing=self.program.growing,
         )
         self.arrays = self.recorder.arrays
         self.state = RunState(self.program, self.seed)
         self.diagnosis = Diagnosis(self.network, self.state.blocks)
-        self.checks = OutputChecks(self.network)
+        self.starting = Start(
+            *(self.program, self.state, OutputChecks(self.network), self.arrays),
+            {} if self.profile is None else self.profile.names(),
+        )
 
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
-        self._start()
+        self.namespace = self.starting.all()
         # Zero, as outputs of a part that is off are.
         self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
         if self.make_runner is None:
@@ -152,7 +147,7 @@ class Engine:
         made = self.make_runner(
             RunContext(self.program, self.state.blocks, self.namespace, self.note)
         )
-        self.state.arrays["run/plan"] = made.numbers
+        self.state.numbers = made.numbers
         self.state.compiled = set(made.blocks)
         own = self.state.own & self.state.compiled
         beside = Beside(self.state, own, self.namespace, made.read) if own else None
@@ -160,74 +155,74 @@ class Engine:
         return made
 
     def solve(self) -> list[Problem]:
-        """What the blocks that solve for what others publish find wrong; starts only those.
-
-        Such a block is a Decoder, whose system may be singular for the neurons of this seed.
-        """
-        problems: list[Problem] = []
-        failed: set[str] = set()
-        receive = {name: self.network.publications(name) for name in self.network.entries}
-        publish = {source.block for found in receive.values() for _, source in found}
-        for name in self._starting_order():
-            sources = {source.block for _, source in receive[name]}
-            if not (name in publish or sources) or sources & failed:
-                continue
-            try:
-                self._start_block(name)
-            except SimulationError as error:
-                failed.add(name)
-                entry, cause = self.network.entries[name], error.__cause__
-                if isinstance(cause, ParameterError):
-                    problems += [entry.problem(*each) for each in cause.problems]
-                else:
-                    problems.append(Problem(entry.node.key, entry.address, str(error)))
-        return problems
+        """What the blocks that solve for what others publish find wrong; starts only those."""
+        return self.starting.solve()
 
     def run(self, progress: Progress | None = None) -> Outcome:
         """Run all ticks; an interrupt or a failure ends the run, and the recording is kept."""
-        began = time.perf_counter()
-        engine = "python" if self.make_runner is None else "compiled"
-        outcome = Outcome(self.arrays, 0, engine=engine)
+        status, failure = "complete", None
         try:
-            with stoppable():
-                held = self._first_tick()
-                outcome.ready_s = time.perf_counter() - began
-                if self.profile is not None:
-                    self.profile.restart()
-                self._loop(held, progress)
-            if self.state.stop[FOUND]:
-                outcome.status, outcome.stopped_at = "stopped", float(self.state.stop[TIME])
+            self.advance(self.network.ticks, progress)
         except KeyboardInterrupt as error:
             self.locate(error)
-            outcome.status = "interrupted"
+            status = "interrupted"
         except SimulationError as error:
-            outcome.status, outcome.error = "failed", error
-        outcome.ticks = self.state.tick
+            status, failure = "failed", error
+        outcome = self.finish()
+        if failure is not None or status != "complete":
+            outcome.status, outcome.error = status, failure
+        return outcome
+
+    def advance(self, last: int, progress: Progress | None = None) -> None:
+        """Run the ticks up to one, which is the next that is done; or to where the run stops.
+
+        Raises
+        ------
+        SimulationError : a block failed. KeyboardInterrupt : the run was interrupted.
+        """
+        began = time.perf_counter()
+        try:
+            with stoppable():
+                if not self.is_checked:
+                    self._first_tick()
+                    self.ready_s = time.perf_counter() - began
+                    if self.profile is not None:
+                        self.profile.restart()
+                self._loop(last, progress)
+        finally:
+            self.wall_s += time.perf_counter() - began
+
+    def finish(self) -> Outcome:
+        """What was recorded up to now."""
+        outcome = Outcome({}, self.state.tick, wall_s=self.wall_s, ready_s=self.ready_s)
+        outcome.engine = "python" if self.make_runner is None else "compiled"
+        if self.state.stop[FOUND]:
+            outcome.status, outcome.stopped_at = "stopped", float(self.state.stop[TIME])
         if self.exact is not None:
             outcome.python_from, outcome.notes = self.exact.python_from, self.exact.notes
-        outcome.wall_s = time.perf_counter() - began
         outcome.arrays = self.recorder.finish(self.state.tick)
         count = self.state.arrays.get("run/count")
         outcome.events = None if count is None else self.namespace["log"][: int(count[0])]
         return outcome
 
-    def _first_tick(self) -> Held:
-        """Run the first tick in Python, which checks the form of every value."""
+    def _first_tick(self) -> None:
+        """Run a tick in Python, which checks the form of every value."""
         try:
-            self.prepare()
-            held = self.state.held = self.runner.adopt(self._checked_tick())
+            if not self.namespace:
+                self.prepare()
+            self.state.held = self.runner.adopt(self._checked_tick())
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
-        self.state.tick = 1
-        return held
+        self.state.tick += 1
+        self.is_checked = True
 
     def _checked_tick(self) -> Held:
-        """Run the first tick; returns the variables that outlive it."""
-        names = self.program.held
+        """Run a tick with checks; returns the variables that outlive it."""
+        names, k = self.program.held, self.state.tick
         held = dict(zip(names, self.state.held, strict=True))
-        scope = {**self.namespace, **held, "k": 0, "t": 0.0}
+        scope = {**self.namespace, **held, "k": k, "t": k * self.network.dt}
         lines, self.lines = self.lines, self.program.first.lines
         for number, piece in enumerate(self.program.first.pieces):
             if self.state.stop[FOUND]:
@@ -238,15 +233,14 @@ class Engine:
         self.lines = lines  # of the other ticks; in a failure, those of this one remain
         return tuple(scope[name] for name in names)
 
-    def _loop(self, held: Held, progress: Progress | None) -> None:
-        total, chunk = self.network.ticks, 16
-        run, recorder = self.runner.run, self.recorder
+    def _loop(self, total: int, progress: Progress | None) -> None:
+        chunk, run, recorder = 16, self.runner.run, self.recorder
         try:
             while self.state.tick < total and not self.state.stop[FOUND]:
                 stop = min(self.diagnosis.boundary(self.state.tick), self.state.tick + chunk)
                 stop = min(total, stop, recorder.boundary())
                 first, began = self.state.tick, time.perf_counter()
-                self.state.held = held = run(first, stop, held)
+                self.state.held = run(first, stop, self.state.held)
                 took = time.perf_counter() - began
                 stop = round(self.state.stop[TICK]) + 1 if self.state.stop[FOUND] else stop
                 self.state.tick = stop
@@ -268,77 +262,9 @@ class Engine:
         found = self.locate(error)
         block = getattr(error, "block", "") or found
         is_message = isinstance(error, (NotFiniteError, UsageError, CompiledError))
-        text = str(error) if is_message else _described(error)
+        text = str(error) if is_message else described(error)
         network, tick = self.network, self.state.tick
         return SimulationError(block, tick, tick * network.dt, text, network.time_unit)
-
-    def _start(self) -> None:
-        """Initialise the states, and compute the constant outputs."""
-        functions = (
-            *(math.isfinite, math.isnan, np.vdot, np.array, np.full, np.concatenate, Zeros()),
-            *(self.checks.forms, sealed, self.checks.not_finite, floats),
-        )
-        self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
-        self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
-        self.namespace |= {} if self.profile is None else self.profile.names()
-        self.namespace |= self._continuous_names()
-        self.namespace |= loop_names(self.plan, self.state.arrays)
-        if self.program.observation.stop is not None:
-            self.namespace["stop"] = self.state.stop
-        names = self.program.names
-        for name, entry in self.network.entries.items():
-            self.namespace[names.blocks[name]] = entry.block
-            self.namespace[names.states[name]] = self.state.blocks[name]
-        for name in self._starting_order():
-            self._start_block(name)
-        for record in self.plan.records:
-            if record.publisher:
-                self._record_tuning(record)
-        for name, initial in names.initial.items():
-            state = self.state.blocks[name]
-            keys = [each.name for each in self.plan.states[name]]
-            copies = {key: getattr(state, key).copy() for key in keys}
-            self.namespace[initial] = SimpleNamespace(**copies)
-        for call in self.plan.evaluations:
-            if call.gate.once:
-                self._compute_constants(call)
-
-    def _compute_constants(self, call: Call) -> None:
-        """Call a method whose outputs never change, and record them."""
-        method = getattr(self.network.entries[call.block].block, call.method)
-        value = self._guard(call.block, partial(method, self.state.blocks[call.block], 0.0))
-        values = (value,) if len(call.outputs) == 1 else value
-        for signal, item in zip(call.outputs, values, strict=True):
-            self.checks.form(signal.block, signal.port, item)
-            if isinstance(item, np.ndarray):
-                item = sealed(item)
-            self.namespace[self.program.names.of(signal)] = item
-            self._record_constant(signal, item)
-
-    def _starting_order(self) -> list[str]:
-        """Blocks by name; those that publish descriptions before the others."""
-        outputs = {n: e.cls.spec.outputs.values() for n, e in self.network.entries.items()}
-        return sorted(outputs, key=lambda n: not any(port.publishes for port in outputs[n]))
-
-    def _start_block(self, name: str) -> None:
-        """Initialise one block's state, with what the outputs wired to it publish."""
-        published = {}
-        for port, source in self.network.publications(name):
-            made = self.network.entries[source.block].block
-            describe = getattr(made, type(made).spec.outputs[source.port].publishes)
-            call = partial(describe, self.state.blocks[source.block])
-            published[port] = self._guard(source.block, call)
-        state = self.state.blocks[name]
-        state.published = published
-        block = self.network.entries[name].block
-        self._guard(name, partial(block.start, state))
-        if name in self.network.initial:
-            for key, array in self.network.initial[name].items():
-                wrong = wrong_initial(key, getattr(state, key), array)
-                if wrong:
-                    raise SimulationError(name, 0, 0.0, wrong)
-                getattr(state, key)[...] = array
-            self._guard(name, partial(block.resume, state))
 
     def final_states(self) -> dict[str, FloatArray]:
         """Copies of the states by ``block.state``, as far as ``run.states`` keeps them."""
@@ -352,57 +278,6 @@ class Engine:
                     found[f"{name}.{key}"] = array.copy()
         return found
 
-    def _continuous_names(self) -> dict[str, Any]:
-        """What the text of a graph with continuous states refers to."""
-        part = self.plan.integration
-        if part is None:
-            return {}
-        size = part.row.size
-        method = method_of(part.solver, part.colours)
-        slopes = np.zeros((method.slope_rows(size), size))
-        solver, dt = self.network.solver, self.network.dt
-        control = controls(
-            solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
-        )
-        self.state.arrays["run/control"] = control
-        jacobian: dict[str, FloatArray] = {}
-        move: Callable[..., None] = blend
-        if part.coupling is not None:
-            jacobian = {"colours": part.coupling.colours, "pattern": part.coupling.pattern}
-            move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
-        return {
-            **jacobian,
-            **event_names(part, self.state.arrays),
-            "states": self.state.continuous,
-            "start": np.zeros(size),
-            "slopes": slopes,
-            "nodes": method.nodes,
-            "weights": method.table if method.is_implicit else method.terms,
-            "table": method.table,
-            "blend": move,
-            "joined": joined,
-            "rates": self.checks.rates,
-            "bad_slope": partial(bad_slope, part, slopes),
-            "errors": np.array(method.errors),
-            "control": control,
-            "substep": substep,
-            "judged": judged,
-            "refused": refused,
-            "unreached": partial(unreached, part, solver.name, control),
-        }
-
-    def _guard(self, block: str, call: Callable[[], Any]) -> Any:
-        try:
-            return call()
-        except KeyboardInterrupt:
-            raise
-        except ParameterError as error:
-            entry = self.network.entries[block]
-            texts = [str(entry.problem(parameter, text)) for parameter, text in error.problems]
-            raise SimulationError(block, 0, 0.0, "; ".join(texts)) from error
-        except BaseException as error:
-            raise SimulationError(block, 0, 0.0, _described(error)) from error
-
     def _python(self) -> Run:
         """The function of the Python plan."""
         code = self.program.code
@@ -415,33 +290,9 @@ class Engine:
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""
         found = located(error, self.lines)
-        if found is None and self.state.tick:
+        if found is None and self.is_checked:
             found = self.runner.locate(error)
         if found is None:
             return ""
         self.state.tick, block = found
         return block
-
-    def _record_tuning(self, record: Record) -> None:
-        """Record what a block publishes about the neurons behind a signal."""
-        block = record.block
-        describe = getattr(self.network.entries[block].block, record.publisher)
-        self.namespace[f"probe_{record.number}"][0] = describe(self.state.blocks[block]).table()
-
-    def _record_constant(self, signal: Signal, value: Any) -> None:
-        for record in self.plan.records:
-            if record.gate.once and not record.publisher and record.source.whole == signal:
-                array, source = self.namespace[f"probe_{record.number}"], record.source
-                item = value[source.columns] if source.component else value
-                array[0 if record.columns is None else (0, record.columns)] = item
-
-
-def _described(error: BaseException) -> str:
-    """An exception in one line, with its location in the user's code."""
-    place = raised_at(error)
-    # Compiled text has no lines of its own.
-    place = f" ({place})" if place and Path(place).parent.name != "compiled" else ""
-    suggestion = ""
-    if isinstance(error, ValueError) and "read-only" in str(error):
-        suggestion = "; arrays that a block receives or has returned are read-only: write to a copy"
-    return f"{type(error).__name__}: {error}{place}{suggestion}"

@@ -16,11 +16,13 @@ class ProbeFilter:
 
     Parameters
     ----------
-    probe : the filtered probe. synapse : its filter. ticks : of the whole run. dt : base step (s).
+    probe : the filtered probe. synapse : its filter. dt : base step (s).
+
+    ``taken`` are the values that were filtered, ``made`` the rows that they completed.
     """
 
-    def __init__(self, probe: Probe, synapse: Synapse, ticks: int, dt: float) -> None:
-        self.probe, self.rows = probe, probe.rows(ticks)
+    def __init__(self, probe: Probe, synapse: Synapse, dt: float) -> None:
+        self.probe = probe
         self.width = math.prod(probe.shape)
         self.filter = synapse.filtering(probe.input_every * dt, self.width)
         self.taken = self.made = 0
@@ -31,7 +33,17 @@ class ProbeFilter:
         first, self.taken = self.taken, self.taken + len(values)
         # Row r belongs to tick r * every, at which the last value is number r * every // sampled.
         every, sampled = self.probe.every, self.probe.input_every
-        stop = min(self.rows, -(-self.taken * sampled // every))
+        stop = -(-self.taken * sampled // every)
         at = np.arange(self.made, stop) * every // sampled - first
         self.made = stop
         return np.asarray(values[at])
+
+    def saved(self) -> FloatArray:
+        """What moves, as numbers."""
+        counts = self.taken, self.made, self.filter.taken
+        return np.concatenate([counts, self.filter.memory.ravel()])
+
+    def restore(self, saved: FloatArray) -> None:
+        """Put back what :meth:`saved` returned."""
+        self.taken, self.made, self.filter.taken = map(int, saved[:3])
+        self.filter.memory[...] = saved[3:].reshape(self.filter.memory.shape)

@@ -16,6 +16,7 @@ methods for unconstrained optimization and nonlinear equations, 1996, section 6.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, NoReturn
 
@@ -41,21 +42,24 @@ RELATIVE, ABSOLUTE, ROUNDING = 1e-9, 1e-15, 1e-7
 SOLVED, GOING, UNSOLVED, SINGULAR = 0.0, 1.0, -1.0, -2.0
 
 
-def loop_names(plan: Plan, moving: dict[str, FloatArray]) -> dict[str, Any]:
+def memory_shape(loop: Solve) -> tuple[int, int]:
+    """The shape of a loop's memory, which belongs to the state of a run."""
+    return SLOPES + loop.size, loop.size
+
+
+def loop_names(plan: Plan, arrays: Mapping[str, FloatArray]) -> dict[str, Any]:
     """What the text of a plan refers to, for its loops.
 
     Parameters
     ----------
-    moving : the arrays that belong to the state of the run, to which the loops' memory is added:
-        the search begins with the last solution.
+    arrays : of the state of the run; a loop's search begins with the last solution.
     """
     found: dict[str, Any] = {"begun": begun, "newton": newton} if plan.loops else {}
     for loop in plan.loops:
         name = f"loop_{loop.number}"
-        memory, control = np.zeros((SLOPES + loop.size, loop.size)), np.zeros(4)
+        memory, control = arrays[f"run/{name}"], np.zeros(4)
         raising = partial(unsolved, loop, memory, control, plan.time_unit)
         found |= {name: memory, f"{name}_control": control, f"unsolved_{loop.number}": raising}
-        moving[f"run/{name}"] = memory
     return found
 
 

@@ -20,7 +20,7 @@ from blocks.core import FloatArray, SignalType
 from runtime.engine.engine import Engine
 from runtime.engine.program import FILENAME, Program
 from runtime.engine.python_text import PythonText
-from runtime.engine.state import Checkpoint, Held
+from runtime.engine.state import Held, Snapshot
 from runtime.network import Endpoint
 from runtime.plan import (
     ALWAYS,
@@ -174,7 +174,7 @@ class Point:
     sampled: Collection[str]
     offsets: Offsets
     watched: Sequence[Watched]
-    saved: Checkpoint = field(init=False)
+    saved: Snapshot = field(init=False)
     functions: tuple[Callable[..., Any], Callable[..., Any]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -188,7 +188,7 @@ class Point:
         self.functions = namespace["probe_tick"], namespace["probe_flow"]
         for name, entry in self.engine.network.entries.items():
             entry.block.before_differences(self.engine.state.blocks[name])
-        self.saved = self.engine.state.checkpoint()
+        self.saved = self.engine.state.snapshot()
 
     @property
     def t(self) -> float:

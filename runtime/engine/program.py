@@ -16,7 +16,7 @@ from blocks.core import Block, BlockContext
 from blocks.registry import is_built_in
 from runtime.engine.naming import Names, names_of
 from runtime.engine.python_text import PythonText
-from runtime.engine.recorder import buffer_rows, buffered
+from runtime.engine.recorder import buffer_rows, buffered, growing_rows
 from runtime.engine.stack_text import StackedText
 from runtime.network import Network
 from runtime.observation import Observation
@@ -51,6 +51,7 @@ class Program:
     profiled : with a clock around each call of a block.
     earlier : a program whose texts are used again if its plan is the same, as that of a graph with
         other numbers is.
+    growing : for a run whose length is not known, as that of a session.
 
     Raises
     ------
@@ -61,6 +62,7 @@ class Program:
     observation: Observation
     profiled: bool = False
     earlier: InitVar[Program | None] = None
+    growing: bool = False
     plan: Plan = field(init=False)
     gathered: Mapping[str, int] = field(init=False)
     names: Names = field(init=False)
@@ -68,7 +70,11 @@ class Program:
 
     def __post_init__(self, earlier: Program | None) -> None:
         network, probes = self.network, self.observation.probes
-        gathered = buffer_rows(probes, network.ticks, network.memory)
+        gathered = (
+            growing_rows(probes)
+            if self.growing
+            else buffer_rows(probes, network.ticks, network.memory)
+        )
         buffers = {name: buffered(probe, gathered) for name, probe in probes.items()}
         plan = make_plan(network, self.observation, buffers)
         if earlier is not None and not (

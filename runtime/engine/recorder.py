@@ -1,7 +1,8 @@
-"""Recording of probes: in arrays in memory, or in files on disk if memory would not suffice.
+"""Recording of probes: in arrays as long as the run, or in buffers that are emptied when full.
 
-A recording on disk is one ``.npy`` file per probe. Rows are collected in a buffer that is appended
-when it is full; the file's header is updated each time, so that a killed run leaves a readable
+What is in a full buffer is appended to a file on disk if memory would not suffice for a run, and to
+rows in memory if nobody knows how long it will be, as in a session. A recording on disk is one
+``.npy`` file per probe, whose header is updated each time, so that a killed run leaves a readable
 file.
 """
 
@@ -29,6 +30,7 @@ from runtime.terminal import readable_bytes
 TIMES_AT_ONCE = 1 << 20
 FILTERED_AT_ONCE = 512  # values
 BUFFER = 1 << 22  # bytes, the largest buffer of one probe
+GROWING_ROWS, GROWING_BYTES = 1024, 1 << 18  # of a buffer before rows in memory
 
 
 def buffer_rows(probes: Mapping[str, Probe], ticks: int, memory: int) -> dict[str, int]:
@@ -43,9 +45,46 @@ def buffer_rows(probes: Mapping[str, Probe], ticks: int, memory: int) -> dict[st
     }
 
 
+def growing_rows(probes: Mapping[str, Probe]) -> dict[str, int]:
+    """Buffer rows of each probe of a run whose length is not known."""
+    return {
+        name: max(1, min(GROWING_ROWS, GROWING_BYTES // max(1, probe.row_bytes)))
+        for name, probe in probes.items()
+        if not probe.constant
+    }
+
+
 def buffered(probe: Probe, gathered: Mapping[str, int]) -> int:
     """Rows of the buffer that the plan fills again and again; 0 if it fills the whole recording."""
     return gathered.get(probe.name, 0) if probe.synapse is None else FILTERED_AT_ONCE
+
+
+class Rows:
+    """One probe's rows in memory: parts that never change, so that copies of a run share them."""
+
+    def __init__(self, shape: tuple[int, ...], keep: int | None = None) -> None:
+        self.shape, self.keep = shape, keep
+        self.parts: tuple[FloatArray, ...] = ()
+        self.rows = self.left = 0
+
+    def append(self, rows: FloatArray) -> None:
+        """Add rows (n, ...) at the end."""
+        rows = rows.copy()
+        self.rows += len(rows)
+        parts = list(self.parts)
+        # Parts of at least half of the next one's size: few of them, and each is copied seldom.
+        while parts and len(parts[-1]) <= 2 * len(rows):
+            rows = np.concatenate([parts.pop(), rows])
+        parts.append(rows)
+        if self.keep is not None:
+            while self.rows - self.left - len(parts[0]) >= self.keep:
+                self.left += len(parts.pop(0))
+        self.parts = tuple(parts)
+
+    def close(self) -> FloatArray:
+        """All rows that are kept, the last ``keep``; ``left`` were before them."""
+        whole = np.concatenate([np.empty((0, *self.shape)), *self.parts])
+        return whole if self.keep is None else whole[-self.keep :]
 
 
 class Stream:
@@ -87,6 +126,9 @@ class Stream:
         return np.asarray(mapped)
 
 
+Saved = dict[str, tuple[tuple[FloatArray, ...], int, int, FloatArray | None]]
+
+
 class Recorder:
     """The arrays that a run's probes fill.
 
@@ -94,8 +136,9 @@ class Recorder:
     ----------
     probes : by name.
     ticks : of the whole run. dt : its base step (s).
-    gathered : rows of the buffers of the probes that go to disk, see :func:`buffer_rows`.
+    gathered : rows of the buffers of the probes that have one, see :func:`buffer_rows`.
     folder : for their files; None for a temporary folder that is removed with the recorder.
+    growing : to rows in memory instead of to files, unless there is a folder.
 
     Raises
     ------
@@ -109,36 +152,37 @@ class Recorder:
         dt: float,
         gathered: Mapping[str, int],
         folder: Path | None = None,
+        growing: bool = False,
     ) -> None:
         self.probes, self.gathered = probes, gathered
-        self.streams: dict[str, Stream] = {}
+        self.sinks: dict[str, Rows | Stream] = {}
         self.full = False
         self.constants_saved = False
         self.folder: Path | None = None
         # Each row with its time; a stream is written once more, into the run's own file.
         size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
-        if gathered:
+        if gathered and not (growing and folder is None):
             self.folder = self._opened(folder, 2 * size)
             for name in gathered:
                 path = self.folder / recording_file(name)
                 try:
-                    self.streams[name] = Stream(path, probes[name].shape)
+                    self.sinks[name] = Stream(path, probes[name].shape)
                 except OSError as error:
                     raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
         elif folder is not None:
             _check_room(folder.parent, size)
-        self.arrays = {
-            name: np.full((buffered(probe, gathered) or probe.rows(ticks), *probe.shape), np.nan)
-            for name, probe in probes.items()
-        }
         self.filters = {
-            name: ProbeFilter(probe, probe.synapse, ticks, dt)
+            name: ProbeFilter(probe, probe.synapse, dt)
             for name, probe in probes.items()
             if probe.synapse is not None
         }
-        self.filtered = {
-            name: np.full((probes[name].rows(ticks), *probes[name].shape), np.nan)
-            for name in self.filters.keys() - self.streams.keys()
+        for name in (gathered.keys() | self.filters.keys()) - self.sinks.keys():
+            self.sinks[name] = Rows(probes[name].shape)
+        # The rows of the buffer of each probe that does not fill the whole recording.
+        self.buffers = {name: buffered(probes[name], gathered) for name in self.sinks}
+        self.arrays = {
+            name: np.full((self.buffers.get(name) or probe.rows(ticks), *probe.shape), np.nan)
+            for name, probe in probes.items()
         }
 
     def _opened(self, folder: Path | None, size: int) -> Path:
@@ -155,78 +199,96 @@ class Recorder:
 
     def boundary(self) -> int:
         """How many ticks may be done before :meth:`flush` must be called."""
-        ends = [
-            (stream.rows + self.gathered[name]) * self.probes[name].every
-            for name, stream in self.streams.items()
-            if name not in self.filters
-        ]
-        ends += [
-            (each.taken + FILTERED_AT_ONCE) * each.probe.input_every
-            for each in self.filters.values()
-        ]
-        return min(ends, default=sys.maxsize)
+        return min(map(self._due, self.sinks), default=sys.maxsize)
 
-    def flush(self, tick: int) -> None:
-        """Write the buffers that are full once ``tick`` ticks are done.
+    def _due(self, name: str) -> int:
+        """The tick at which a buffer is full."""
+        rows, taken, probe = self.buffers[name], self._taken(name), self.probes[name]
+        every = probe.input_every if name in self.filters else probe.every
+        return (taken // rows + 1) * rows * every
+
+    def _taken(self, name: str) -> int:
+        """The rows of a buffer that were taken out of it so far."""
+        return self.filters[name].taken if name in self.filters else self.sinks[name].rows
+
+    def flush(self, tick: int, all: bool = False) -> None:
+        """Empty the buffers that are full once ``tick`` ticks are done, or ``all`` of them.
 
         Raises
         ------
         UsageError : the disk is full or not available.
         """
-        for name, stream in self.streams.items():
-            is_full = self.probes[name].rows(tick) - stream.rows >= self.gathered[name]
-            if name not in self.filters and is_full:
-                self._append(stream, self.arrays[name])
-        for name, each in self.filters.items():
-            if -(-tick // each.probe.input_every) - each.taken >= FILTERED_AT_ONCE:
-                self._filter(name, FILTERED_AT_ONCE)
+        for name in self.sinks:
+            if all or tick >= self._due(name):
+                self._empty(name, tick)
         if self.folder is not None and not self.constants_saved:
             self.constants_saved = True
-            for name in self.probes.keys() - self.streams.keys():
+            for name in self.probes.keys() - self.sinks.keys():
                 np.save(self.folder / recording_file(name), self.arrays[name])
 
-    def _filter(self, name: str, count: int) -> None:
-        """Pass the next values of a probe through its synapse, and keep the rows."""
-        made = self.filters[name].made
-        rows = self.filters[name].take(self.arrays[name][:count])
-        if name in self.streams:
-            self._append(self.streams[name], rows)
-        else:
-            self.filtered[name][made : made + len(rows)] = rows
+    def _empty(self, name: str, tick: int) -> None:
+        """Take the rows that are new out of a buffer; they are at most to its end."""
+        probe, taken, size = self.probes[name], self._taken(name), self.buffers[name]
+        every = probe.input_every if name in self.filters else probe.every
+        first = taken % size
+        rows = self.arrays[name][first : min(size, first + -(-tick // every) - taken)]
+        if len(rows) and name in self.filters:
+            rows = self.filters[name].take(rows)
+        if len(rows):
+            self._append(self.sinks[name], rows)
 
-    def _append(self, stream: Stream, rows: FloatArray) -> None:
+    def _append(self, sink: Rows | Stream, rows: FloatArray) -> None:
         try:
-            stream.append(rows)
+            sink.append(rows)
         except OSError as error:
             self.full = True
-            message = f"cannot record to '{stream.path}': {error.strerror or error}"
-            raise UsageError(f"{message}; {stream.rows} rows of it are kept") from None
+            path = sink.path if isinstance(sink, Stream) else ""
+            message = f"cannot record to '{path}': {error.strerror or error}"
+            raise UsageError(f"{message}; {sink.rows} rows of it are kept") from None
 
     def finish(self, tick: int) -> dict[str, FloatArray]:
         """The rows of all probes after the last tick, the ``tick``-th."""
-        found = {}
-        for name, probe in self.probes.items():
-            filled = min(1, tick) if probe.constant else probe.rows(tick)
-            if name in self.filters and not self.full:
-                with suppress(UsageError):
-                    self._filter(name, -(-tick // probe.input_every) - self.filters[name].taken)
-            if name not in self.streams:
-                found[name] = self.filtered.get(name, self.arrays[name])[:filled]
-                continue
-            stream = self.streams[name]
-            left = filled - stream.rows
-            if name not in self.filters and left > 0 and not self.full:
-                # On a full disk the last rows are lost; the others are kept.
-                with suppress(UsageError):
-                    self._append(stream, self.arrays[name][:left])
-            found[name] = stream.close()[:filled]
-        return found
+        for name in () if self.full else self.sinks:
+            # On a full disk the last rows are lost; the others are kept.
+            with suppress(UsageError):
+                self._empty(name, tick)
+        return {name: self._rows(name, tick) for name in self.probes}
+
+    def _rows(self, name: str, tick: int) -> FloatArray:
+        probe = self.probes[name]
+        filled = min(1, tick) if probe.constant else probe.rows(tick)
+        if name not in self.sinks:
+            return self.arrays[name][:filled]
+        return self.sinks[name].close()[:filled]
+
+    def saved(self, tick: int) -> Saved:
+        """The rows so far, and what the filters remember."""
+        self.flush(tick, all=True)
+        return {
+            name: (sink.parts, sink.rows, sink.left, self._filter(name))
+            for name, sink in self.sinks.items()
+            if isinstance(sink, Rows)
+        }
+
+    def _filter(self, name: str) -> FloatArray | None:
+        return self.filters[name].saved() if name in self.filters else None
+
+    def restore(self, saved: Saved) -> None:
+        """Put back what :meth:`saved` returned, of this recorder or of one with the same probes."""
+        for name, (parts, rows, left, memory) in saved.items():
+            sink = self.sinks[name]
+            if isinstance(sink, Rows):
+                sink.parts, sink.rows, sink.left = parts, rows, left
+            if memory is not None:
+                self.filters[name].restore(memory)
 
     def times(self, name: str, rows: int, dt: float) -> FloatArray:
         """The times (s) of a probe's rows, k * every * dt, on disk if the rows are."""
         step = self.probes[name].every * dt
-        if self.folder is None or name not in self.streams:
-            return np.arange(rows, dtype=np.float64) * step
+        sink = self.sinks.get(name)
+        if self.folder is None or not isinstance(sink, Stream):
+            first = sink.rows - rows if isinstance(sink, Rows) and sink.keep is not None else 0
+            return np.arange(first, first + rows, dtype=np.float64) * step
         try:
             stream = Stream(self.folder / recording_file(f"{name}.time"), ())
             for first in range(0, rows, TIMES_AT_ONCE):

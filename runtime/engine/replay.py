@@ -2,7 +2,7 @@
 
 C code ends with a failure wherever Python might raise, or continue with another number than C has:
 an index out of range, a division by zero, integers of more than 64 bits, an output that is not
-finite. The ticks of a call then run again from a checkpoint up to the one that failed, with the
+finite. The ticks of a call then run again from a snapshot up to the one that failed, with the
 same results, and this one runs under the Python plan. If Python raises, too, that is the error of
 the run: the same as without compiling. Otherwise the run goes on under the Python engine.
 
@@ -20,7 +20,7 @@ from typing import Any
 from runtime.engine.beside import Beside
 from runtime.engine.events import FOUND
 from runtime.engine.runners import CompiledError, CompiledPlan, Run
-from runtime.engine.state import Checkpoint, Held, NotCopiedError, RunState
+from runtime.engine.state import Held, NotCopiedError, RunState, Snapshot
 
 
 @dataclass
@@ -33,7 +33,7 @@ class ExactRunner:
     beside : compares own compiled blocks with their Python form; None if there are none.
 
     ``python_from`` is the tick from which the run is under the Python engine; ``notes`` say why.
-    ``copied`` is what the last checkpoint took (s).
+    ``copied`` is what the last snapshot took (s).
     """
 
     state: RunState
@@ -65,7 +65,7 @@ class ExactRunner:
         if self.beside is not None:
             return False
         try:
-            saved = self.state.checkpoint()
+            saved = self.state.snapshot()
         except NotCopiedError:
             return False
         try:
@@ -95,7 +95,7 @@ class ExactRunner:
         self.state.tick, self.state.held = first, held
         began = time.perf_counter()
         try:
-            saved = self.state.checkpoint()
+            saved = self.state.snapshot()
         except NotCopiedError as why:
             return self._once(first, last, held, str(why))
         self.copied = time.perf_counter() - began
@@ -106,7 +106,7 @@ class ExactRunner:
             return self._again(saved, error.tick, last, cause)
         if compare and self.beside is not None and not self.state.stop[FOUND]:
             self.state.tick, self.state.held = last, held
-            difference = self.beside.difference(saved, self.state.checkpoint())
+            difference = self.beside.difference(saved, self.state.snapshot())
             if difference is not None:
                 return self._again(saved, first, last, str(difference))
         return held
@@ -123,8 +123,8 @@ class ExactRunner:
             text = f"{error}; Python could not run the tick again, since {why}"
             raise CompiledError(error.block, error.tick, text) from None
 
-    def _again(self, saved: Checkpoint, tick: int, last: int, cause: str) -> Held:
-        """Run the ticks after a checkpoint again, from this one on under Python."""
+    def _again(self, saved: Snapshot, tick: int, last: int, cause: str) -> Held:
+        """Run the ticks after a snapshot again, from this one on under Python."""
         self.state.restore(saved)
         held = saved.held
         if tick > saved.tick:

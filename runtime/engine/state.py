@@ -1,6 +1,6 @@
 """The state of a run: everything that moves from tick to tick, under names, with one owner.
 
-A checkpoint is a copy of it. Restoring one puts all values back in place: arrays keep their
+A snapshot is a copy of it. Restoring one puts all values back in place: arrays keep their
 addresses, which compiled code holds, and generators stay the objects that blocks have.
 
 Everything that changes is in declared states, the blocks' generators, the solver's control, the
@@ -23,11 +23,16 @@ import numpy as np
 
 from blocks.core import BlockState, FloatArray
 from blocks.registry import is_built_in
-from runtime.engine.events import BEFORE, SEARCH, UNKNOWN
+from runtime.engine.events import BEFORE, SEARCH
+from runtime.engine.loops import memory_shape
 from runtime.engine.program import Program
+from runtime.engine.solvers import controls
+from runtime.plan import Plan
 
 Held = tuple[Any, ...]
 Array = np.ndarray[Any, Any]
+Layout = dict[str, tuple[int, tuple[int, ...]]]
+LINE = 8  # the numbers of a cache line
 Restored = Callable[[], None]
 # What an engine gives every block, and what cannot change.
 GIVEN = frozenset(("_declared", "context", "dt", "seed", "published"))
@@ -50,22 +55,46 @@ def seed_of(seed: int, name: str) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=words)
 
 
-@dataclass(frozen=True)
-class Checkpoint:
-    """What a run's state was before a tick.
+def run_shapes(plan: Plan) -> dict[str, tuple[int, ...]]:
+    """The arrays that a plan keeps beside those of the blocks, by name."""
+    found: dict[str, tuple[int, ...]] = {}
+    part = plan.integration
+    if part is not None:
+        found["control"] = (len(controls(0.0, 0.0, 0.0, 0.0)),)
+    if part is not None and part.ends_steps:
+        guards = len(part.directions)
+        found |= {"search": (SEARCH,), "sides": (guards,), "guards": (guards,), "count": (1,)}
+    return found | {f"loop_{loop.number}": memory_shape(loop) for loop in plan.loops}
 
-    arrays : copies by the names of :attr:`RunState.arrays`.
+
+def _row_of(members: tuple[str, ...], state: str) -> str:
+    """The name of the memory of blocks that are computed together."""
+    return f"run/{members[0]} and others.{state}"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What a run's state was before a tick: a copy that belongs to the run it was taken of.
+
+    memory : a copy of :attr:`RunState.memory`; ``numbers`` of the compiled plan's, if there is one.
     apart : arrays that own blocks keep undeclared, by ``block.attribute``, with their copies.
-    generators : by ``block.attribute``, with the state of the bit generator.
+    generators : the states of bit generators, by ``block.attribute``.
     others : what puts back the rest of the states of own blocks.
     """
 
     tick: int
     held: Held
-    arrays: Mapping[str, Array]
+    memory: FloatArray
+    numbers: Array | None
+    layout: Layout
     apart: Mapping[str, tuple[Array, Array]]
-    generators: Mapping[str, tuple[np.random.Generator, Mapping[str, Any]]]
+    generators: Mapping[str, Mapping[str, Any]]
     others: tuple[Restored, ...]
+
+    def array(self, name: str) -> FloatArray:
+        """One of :attr:`RunState.arrays` as it was."""
+        start, shape = self.layout[name]
+        return self.memory[start : start + math.prod(shape)].reshape(shape)
 
 
 @dataclass
@@ -73,63 +102,91 @@ class RunState:
     """The state of one run of a program.
 
     ``blocks`` are the states by block; ``own`` names the blocks that are not built in, and
-    ``compiled`` those that are compiled, of which only arrays and generators can move;
-    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
+    ``compiled`` those that are compiled, of which only arrays and generators can move.
     ``held`` are the variables that go into the next tick, as the runner has them; ``stop`` says
-    whether and where ``run.stop`` ended the run. ``arrays`` are all arrays that move, by
-    ``block.state`` or by ``run/name``, each in place for the whole run. ``rows`` are the states of
-    blocks that are computed together, a row per block, of which the blocks' arrays are views.
+    whether and where ``run.stop`` ended the run. ``memory`` has the numbers of all ``arrays``,
+    which are by ``block.state`` or by ``run/name``; so a copy of all is one. ``continuous`` is the
+    row of all continuous states, ``rows`` are the states of blocks that are computed together, a
+    row per block; the blocks' arrays are views of both. ``numbers`` is the memory of a compiled
+    plan.
     """
 
     program: Program
     seed: int
     tick: int = 0
     held: Held = ()
+    numbers: Array | None = None
     blocks: dict[str, BlockState] = field(init=False)
+    memory: FloatArray = field(init=False)
+    layout: Layout = field(init=False)
+    arrays: dict[str, FloatArray] = field(init=False)
+    rows: dict[tuple[str, ...], dict[str, FloatArray]] = field(init=False)
     continuous: FloatArray = field(init=False)
     stop: FloatArray = field(init=False)
-    arrays: dict[str, Array] = field(init=False)
-    rows: dict[tuple[str, ...], dict[str, FloatArray]] = field(init=False)
     own: set[str] = field(init=False)
     compiled: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
-        entries = self.program.network.entries
-        self.continuous = np.zeros(self.program.plan.row.size)
-        self.stop = np.zeros(4)
+        plan, entries = self.program.plan, self.program.network.entries
+        shapes: dict[str, tuple[int, ...]] = {"run/continuous": (plan.row.size,), "run/stop": (4,)}
+        shapes |= {f"run/{name}": shape for name, shape in run_shapes(plan).items()}
+        groups = self.program.stacking.members
+        together = {name for members in groups for name in members}
+        for members in groups:
+            for state in plan.states[members[0]]:
+                shapes[_row_of(members, state.name)] = (len(members), *state.shape)
+        for name in entries.keys() - together:
+            slots = {slot.name for slot in plan.row.of(name)}
+            own = [state for state in plan.states[name] if state.name not in slots]
+            shapes |= {f"{name}.{state.name}": state.shape for state in own}
+        self._allocate(shapes)
+        self.continuous, self.stop = self.arrays["run/continuous"], self.arrays["run/stop"]
         self.stop[BEFORE] = math.nan
-        self.arrays = {"run/continuous": self.continuous, "run/stop": self.stop}
-        part = self.program.plan.integration
-        if part is not None and part.ends_steps:
-            self.arrays["run/search"] = np.zeros(SEARCH)
-            self.arrays["run/sides"] = np.where(part.directions > 1.0, -1.0, UNKNOWN)
-            self.arrays["run/guards"] = np.zeros(len(part.directions))
-            self.arrays["run/count"] = np.zeros(1)
         self.rows = {
             members: {
-                state.name: np.zeros((len(members), *state.shape))
-                for state in self.program.plan.states[members[0]]
+                state.name: self.arrays.pop(_row_of(members, state.name))
+                for state in plan.states[members[0]]
             }
-            for members in self.program.stacking.members
+            for members in groups
         }
-        self._row_of = {name: (m, i) for m in self.rows for i, name in enumerate(m)}
+        self._place = {name: (m, i) for m in self.rows for i, name in enumerate(m)}
         self.blocks = {name: self._block(name) for name in entries}
         self.own = {name for name, entry in entries.items() if not is_built_in(entry.cls)}
 
+    def _allocate(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        """One memory for all arrays, each from a cache line of its own on."""
+        self.layout, size = {}, 0
+        for name in sorted(shapes):
+            self.layout[name] = size, shapes[name]
+            size += -(-math.prod(shapes[name]) // LINE) * LINE
+        loose = np.zeros(size + LINE)
+        first = -(loose.ctypes.data // 8) % LINE
+        self.memory = loose[first : first + size]
+        self.arrays = {
+            name: self.memory[at : at + math.prod(shape)].reshape(shape)
+            for name, (at, shape) in self.layout.items()
+        }
+
     def _block(self, name: str) -> BlockState:
         states, slots = self.program.plan.states[name], self.program.plan.row.of(name)
-        if name in self._row_of:
-            members, i = self._row_of[name]
-            arrays = {key: array[i, ...] for key, array in self.rows[members].items()}
-        else:
-            arrays = {state.name: np.zeros(state.shape) for state in states}
+        if name in self._place:
+            members, i = self._place[name]
+            for state in states:
+                at, shape = self.layout[_row_of(members, state.name)]
+                self.layout[f"{name}.{state.name}"] = at + i * math.prod(shape[1:]), shape[1:]
+        at, _ = self.layout["run/continuous"]
         for slot in slots:
-            arrays[slot.name] = self.continuous[slot.start : slot.stop].reshape(slot.shape)
-        apart = arrays.keys() - {slot.name for slot in slots}
-        self.arrays |= {f"{name}.{key}": arrays[key] for key in arrays if key in apart}
+            self.layout[f"{name}.{slot.name}"] = at + slot.start, slot.shape
+        arrays = {state.name: self._view(f"{name}.{state.name}") for state in states}
+        arrays |= {slot.name: self._view(f"{name}.{slot.name}") for slot in slots}
+        self.arrays |= {f"{name}.{key}": array for key, array in arrays.items()}
         own = self.program.network.entries[name].seed
         seed = seed_of(self.seed if own is None else own, name)
         return BlockState(self.program.contexts[name], seed, arrays)
+
+    def _view(self, name: str) -> FloatArray:
+        start, shape = self.layout[name]
+        return self.memory[start : start + math.prod(shape)].reshape(shape)
 
     def stacks(self) -> dict[str, Any]:
         """What computes equal blocks together, by its name in the plan's text."""
@@ -140,42 +197,45 @@ class RunState:
             found[f"stack_{number}"] = type(blocks[0]).stacked(blocks, states, arrays)
         return found
 
-    def checkpoint(self) -> Checkpoint:
+    def snapshot(self) -> Snapshot:
         """A copy of the state.
 
         Raises
         ------
         NotCopiedError : an own block keeps something that cannot be copied.
         """
-        arrays = {name: array.copy() for name, array in self.arrays.items()}
         apart = {
             f"{name}.{key}": (a, a.copy()) for name in self.own for key, a in self._apart(name)
         }
         generators = {
-            f"{name}.{key}": (generator, generator.bit_generator.state)
+            f"{name}.{key}": generator.bit_generator.state
             for name in self.blocks
             for key, generator in self.generators(name).items()
         }
         others = tuple(map(self._others, sorted(self.own - self.compiled)))
-        return Checkpoint(self.tick, self.held, arrays, apart, generators, others)
+        numbers = None if self.numbers is None else self.numbers.copy()
+        memory = self.memory.copy()
+        return Snapshot(
+            *(self.tick, self.held, memory, numbers, self.layout, apart, generators, others)
+        )
 
-    def restore(self, saved: Checkpoint) -> None:
-        """Put back what a checkpoint of this run holds; it may be restored again."""
+    def restore(self, saved: Snapshot) -> None:
+        """Put back what a snapshot of this run holds; it may be restored again."""
         self.tick, self.held = saved.tick, saved.held
-        for name, array in self.arrays.items():
-            array[...] = saved.arrays[name]
-        for name, state in self.blocks.items():
-            if f"{name}.rng" not in saved.generators:
-                vars(state).pop("rng", None)  # made when it is first used
+        self.memory[:] = saved.memory
+        if self.numbers is not None and saved.numbers is not None:
+            self.numbers[...] = saved.numbers
         for put_back in saved.others:
             put_back()
         for array, numbers in saved.apart.values():
             array[...] = numbers
-        for key, (generator, bits) in saved.generators.items():
+        for name, state in self.blocks.items():
+            # Compiled code has its address: it stays, as it was before the block first drew.
+            if "rng" in vars(state) and f"{name}.rng" not in saved.generators:
+                state.rng.bit_generator.state = np.random.PCG64(state.seed).state
+        for key, bits in saved.generators.items():
             name, _, attribute = key.rpartition(".")
-            # An earlier checkpoint may have removed it: the block had not drawn yet.
-            vars(self.blocks[name])[attribute] = generator
-            generator.bit_generator.state = bits
+            getattr(self.blocks[name], attribute).bit_generator.state = bits
 
     def generators(self, name: str) -> dict[str, np.random.Generator]:
         """The generators in a block's state: its own, and others of an own block."""
@@ -216,7 +276,7 @@ class RunState:
         def restored() -> None:
             for key in self._undeclared(name) - found.keys():
                 del held[key]
-            # Copied again, so that a checkpoint can be restored twice.
+            # Copied again, so that a snapshot can be restored twice.
             held.update(found | copy.deepcopy(loose, dict(memo)))
 
         return restored

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,12 @@ from runtime.experiments.analysis import (
     CORRECTION,
     TESTS,
     ComparisonLine,
+    Questions,
     Test,
     compare,
     comparison_table,
-    is_same,
     legend,
+    samples_of,
 )
 from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
@@ -63,23 +65,14 @@ class AblationResult:
     rows: dict[str, list[Row]] = field(default_factory=dict)
     is_interrupted: bool = False
 
+    @cached_property
     def lines(self) -> list[ComparisonLine]:
-        """The lines of the table; a trial that is not ok has no values that are finite."""
-        values = {
-            name: {
-                metric: [row.metrics[i] for row in rows]
-                for i, metric in enumerate(self.plan.metrics)
-            }
-            for name, rows in self.rows.items()
-        }
-        same = {
-            (name, metric)
-            for name, rows in self.rows.items()
-            for i, metric in enumerate(self.plan.metrics)
-            if is_same(rows, i)
-        }
-        removed = self._removed_metrics()
-        return compare(values, BASELINE, self.test, removed, same, self.plan.ends)
+        """The lines of the table."""
+        plan = self.plan
+        questions = Questions(
+            self.test, plan.primary, plan.contrasts, plan.margins, plan.ends, plan.never
+        )
+        return compare(samples_of(plan, self.rows, self._removed_metrics()), BASELINE, questions)
 
     def _removed_metrics(self) -> set[tuple[str, str]]:
         """(variant, metric) where the variant removes what the metric measures."""
@@ -97,23 +90,28 @@ class AblationResult:
         return {
             **plan.header(self.folder),
             "seeds": list(plan.seeds),
+            "factors": [factor.path for factor in plan.design.factors],
+            "primary": list(plan.primary),
+            "margins": dict(plan.margins),
             "confidence": CONFIDENCE,
             "test": TESTS[self.test],
             "correction": CORRECTION,
             "variants": [self._variant(variant) for variant in plan.variants],
             "essential": dict(plan.essential),
-            "table": [line.to_dict() for line in self.lines()],
+            "table": [line.to_dict() for line in self.lines],
         }
 
     @property
     def head(self) -> str:
         """What was compared, in one line."""
         plan = self.plan
-        return f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}"
+        settings = len(plan.design)
+        crossed = f" x {settings} settings" if settings > 1 else ""
+        return f"{plan.name}: {len(plan.variants)} variants{crossed}, seeds {plan.seeds}"
 
     def notes(self) -> list[str]:
         """What the table means, which trials failed, and which blocks are essential."""
-        notes = legend(self.lines(), self.test).splitlines()
+        notes = legend(self.lines, self.test).splitlines()
         for name, rows in self.rows.items():
             failed = [row for row in rows if row.status != "ok"]
             if failed:
@@ -125,7 +123,7 @@ class AblationResult:
 
     def text(self) -> str:
         """The table with its head and notes, as the command prints it."""
-        shown = comparison_table(self.lines(), self.plan.units, self.plan.never)
+        shown = comparison_table(self.lines, self.plan.units, self.plan.never)
         return "\n".join([self.head, shown, "", *self.notes()])
 
     def _variant(self, variant: VariantBundle) -> dict[str, Any]:
@@ -145,7 +143,7 @@ class AblationResult:
 
 
 def run_ablation(
-    plan: ExperimentPlan, options: RunOptions, progress: Progress, test: Test = "t"
+    plan: ExperimentPlan, options: RunOptions, progress: Progress, test: Test = "auto"
 ) -> AblationResult:
     """Run the trials of the baseline and of all variants that have no row in the index yet.
 
@@ -180,7 +178,8 @@ def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Prog
     progress.resume(finished)
 
     def task(trial: Trial) -> Task:
-        if trial.seed == first:
+        # The settings of a variant would all have the same folder: the first one is kept.
+        if trial.seed == first and trial.configuration.number % len(plan.design) == 0:
             return Task(trial, "trajectory", SAVED_STATUSES, timeout=options.timeout)
         return Task(trial, timeout=options.timeout)
 

@@ -45,6 +45,7 @@ def sweep(
     graph: Source,
     vary: Mapping[str, str | Iterable[object]] | None = None,
     *,
+    variants: Mapping[str, Graph] | None = None,
     seeds: SeedList | None = None,
     random: int | None = None,
     sobol: int | None = None,
@@ -65,6 +66,7 @@ def sweep(
     graph : a graph, or the file or name of one or of an experiment.
     vary : for each path into the graph its values: a list, or a range as on the command line
         (``"0.1..0.9:5"``, ``"log(1e-5..1e-2):7"``).
+    variants : changed graphs by name, which run with the same values, besides the graph itself.
     seeds : such as ``"0..9"``, 3 or ``range(5)``; the graph's own seed by default.
     random, sobol : so many samples of the ranges, instead of all combinations.
     sampling_seed : of the samples.
@@ -99,7 +101,7 @@ def sweep(
         raise UsageError("there is 'maximize' as well as 'minimize'; keep one")
     entries: dict[str, object] = {"seeds": seeds, "random": random, "sobol": sobol}
     entries |= {"sampling_seed": sampling_seed, "minimize": minimize, "maximize": maximize}
-    request = Request.of(entries, vary=(vary or {}).items())
+    request = Request.of(entries, vary=(vary or {}).items(), variants=(variants or {}).items())
     plan = sweep_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> SweepResult:
@@ -114,8 +116,12 @@ def ablate(
     graph: Source,
     variants: Mapping[str, Graph] | None = None,
     *,
+    vary: Mapping[str, str | Iterable[object]] | None = None,
     seeds: SeedList | None = None,
-    test: Test = "t",
+    test: Test = "auto",
+    primary: Sequence[str] = (),
+    contrasts: Sequence[tuple[str, str]] = (),
+    margin: float | str | Mapping[str, float | str] | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
     jobs: int | None = None,
@@ -129,8 +135,13 @@ def ablate(
     graph : the baseline: a graph, or the file or name of one or of an experiment.
     variants : changed graphs by name, as ``{"no network": graph.without("snn")}``; each block
         removed in turn by default.
+    vary : as for :func:`sweep`; variants are compared at each combination of these values.
     seeds : such as ``"0..19"`` or ``range(20)``; ``"0..9"`` by default.
-    test : of differences, ``t`` or ``bootstrap``.
+    primary : the metrics that are tested; all by default, otherwise the others are described.
+    contrasts : pairs of variants that are compared with each other, too.
+    margin : the smallest difference that counts, of all metrics or by metric: a number in the
+        metric's unit, or a share of the baseline's mean such as ``"5%"``.
+    test : of differences: ``t``, ``ranks``, or ``auto``, which takes ranks where values are skewed.
     folder, resume, jobs, scheduler, timeout : as for :func:`sweep`.
 
     Raises
@@ -148,7 +159,10 @@ def ablate(
     >>> line.runs, line.difference.mean > 0
     (4, True)
     """
-    request = Request.of({"seeds": seeds}, variants=(variants or {}).items())
+    entries: dict[str, object] = {"seeds": seeds, "primary": list(primary), "margin": margin}
+    entries["contrasts"] = [list(pair) for pair in contrasts]
+    named, values = (variants or {}).items(), (vary or {}).items()
+    request = Request.of(entries, vary=values, variants=named)
     plan = ablation_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> AblationResult:

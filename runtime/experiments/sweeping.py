@@ -55,7 +55,7 @@ class SweepResult:
     def summary(self) -> dict[str, Any]:
         """What summary.json holds."""
         plan, tally = self.plan, self.tally
-        factors = [factor.path for factor in plan.design.factors]
+        factors = list(plan.columns.factors)
         goal = plan.objective
         return {
             **plan.header(self.folder),

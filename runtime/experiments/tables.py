@@ -32,7 +32,7 @@ from runtime.experiments.analysis import (
     mean_of,
 )
 from runtime.experiments.design import Objective
-from runtime.experiments.execution import INDEX, Columns, Row, read_rows
+from runtime.experiments.execution import INDEX, VARIANT, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
 from runtime.experiments.tuning import Candidate, Judgement, TuningResult, judgements, summary
 from runtime.runs import Figures, dataframe
@@ -242,7 +242,7 @@ class AblationTable(_Table):
     @classmethod
     def of(cls, result: AblationResult) -> AblationTable:
         """The table of an ablation that has ended."""
-        plan, lines = result.plan, tuple(result.lines())
+        plan, lines = result.plan, tuple(result.lines)
         rows = [row for rows in result.rows.values() for row in rows]
         return cls(
             name=plan.name,
@@ -339,14 +339,13 @@ class TuningTable:
 def _values(columns: Columns, cells: Sequence[str]) -> dict[str, object]:
     """A row's values of the factors."""
     return {
-        path: parse_yaml(cell, path).plain()
+        path: cell if path == VARIANT else parse_yaml(cell, path).plain()
         for path, cell in zip(columns.factors, cells, strict=True)
     }
 
 
 def _record(row: Row, columns: Columns) -> TrialRecord:
-    is_variant = columns.factors == ("variant",)
-    values = {"variant": row.cells[0]} if is_variant else _values(columns, row.cells)
+    values = _values(columns, row.cells)
     metrics = dict(zip(columns.metrics, row.metrics, strict=True))
     return TrialRecord(values, row.seed, row.status, row.reason, metrics, row.wall_s)
 

@@ -82,6 +82,7 @@ def model_of(
     ------
     UsageError : there is nothing to vary or no data, or a factor is not a range of numbers.
     """
+    experiment.check_used("fit")
     ranges = []
     for factor in experiment.entries.factors:
         if not isinstance(factor, Range) or factor.scale == "int":

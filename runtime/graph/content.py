@@ -168,16 +168,6 @@ def examine_edit(
     return Examination(problems.items, network, observation, missing)
 
 
-def _part_instead(document: Node) -> list[Problem]:
-    """What to say where a part was given as a graph, in place of what follows from that."""
-    for key in ("inputs", "outputs"):
-        node = document.get(key)
-        if node is not None:
-            message = "only a part has this; a part runs inside a graph: {name: {graph: FILE}}"
-            return [Problem(node.key, key, message)]
-    return []
-
-
 def check_content(content: Content) -> CheckedGraph:
     """Check a graph.
 
@@ -188,7 +178,7 @@ def check_content(content: Content) -> CheckedGraph:
     """
     examination = examine(content)
     if examination.problems or examination.network is None or examination.observation is None:
-        raise GraphError(_part_instead(content.document) or examination.problems)
+        raise GraphError(examination.problems)
     if examination.missing is not None:
         raise examination.missing
     network, observation = examination.network, examination.observation

@@ -16,7 +16,7 @@ from runtime.document import RUN_DOCS, SECTIONS, flow_yaml
 from runtime.language.addresses import AddressTarget, line_at, target_of
 from runtime.language.cursor import ITEM, steps
 from runtime.language.items import YamlItem, deepest
-from runtime.language.keys import BLOCK_DOCS, COMMON_DOCS, PORT_KEYS, param_doc
+from runtime.language.keys import BLOCK_DOCS, COMMON_DOCS, OUTPUT_KEYS, PORT_KEYS, param_doc
 from runtime.language.model import Model
 from runtime.language.scopes import class_of, inputs_of, known_types, params_in, scope_at
 from runtime.language.settings import param_at
@@ -68,7 +68,8 @@ def _of_key(model: Model, scope: Scope | None, path: tuple[str, ...], item: Yaml
         return f"**{names[0]}**: {RUN_DOCS.get(names[0], 'of the run')}"
     if section in ("plots", "metrics") and len(names) == 2:
         return _option(section, names[1], item)
-    docs = {"probes": PROBE_KEYS, "inputs": PORT_KEYS}.get(section, {})
+    tables = {"probes": PROBE_KEYS, "inputs": PORT_KEYS, "outputs": OUTPUT_KEYS}
+    docs = tables.get(section, {})
     return f"**{names[-1]}**: {docs[names[-1]]}" if names[-1] in docs else ""
 
 

@@ -21,7 +21,8 @@ from runtime.language.items import YamlItem
 from runtime.language.scan import scan
 
 CUT = ("blocks", "wires")
-WHOLE = ("without", "bypass", "from", "initial")  # what concerns all of a graph
+# What concerns all of a graph.
+WHOLE = ("without", "bypass", "from", "initial", "inputs", "outputs")
 FOLLOWING = 3  # entries after an edit that a mistake in it can reach
 _TOP = re.compile(r"^[^\s#][^\n]*", re.MULTILINE)
 _HEADER = re.compile(r"[A-Za-z_]\w*:(?= |$)")

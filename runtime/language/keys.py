@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from blocks.core import Block, Param
+from blocks.core import Block, GraphInput, Param
 from runtime.descriptions import describe_markdown, param_row, summary
 from runtime.document import (
     EXAMPLES,
@@ -33,7 +33,7 @@ from runtime.language.scopes import (
     scope_at,
 )
 from runtime.language.settings import param_at, root_of, variant_at
-from runtime.network import BLOCK_KEYS, Scope
+from runtime.network import BLOCK_KEYS, GraphOutput, Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS, plot_keys
 
 WORLD_KEYS = {
@@ -52,7 +52,11 @@ BLOCK_DOCS = {
     "repeat": "how many copies of the part there are; vectors are divided among them",
     "share": "inputs of a repeated part of which every copy gets the whole",
 }
-PORT_KEYS = {"type": "its signal type", "optional": "may stay open", "doc": "one line"}
+PORT_KEYS = {
+    "type": "its signal type",
+    **{name: each.doc for name, each in GraphInput.spec.params.items() if name != "type"},
+}
+OUTPUT_KEYS = {name: each.doc for name, each in GraphOutput.declared.items()}
 COMMON_DOCS = {
     "kind": "what it shows or measures",
     "of": "a probe or an address, or several",
@@ -88,8 +92,8 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         yield from _key_offers(STOP_DOCS)
     elif section == "probes" and len(names) == 1:
         yield from _key_offers(PROBE_KEYS)
-    elif section == "inputs" and len(names) == 1:
-        yield from _key_offers(PORT_KEYS)
+    elif section in ("inputs", "outputs") and len(names) == 1:
+        yield from _key_offers(PORT_KEYS if section == "inputs" else OUTPUT_KEYS)
     elif section == "defaults":
         yield from _of_defaults(model, names)
     elif section == "params" and not names:
@@ -109,8 +113,7 @@ def _sections(model: Model, is_inside: bool) -> Iterator[Offer]:
     """The sections of a graph, or of a part."""
     is_part_file = model.kind == "part" or is_inside
     names = [n for n in PART_SECTIONS if n != "part"] if is_part_file else [*SECTIONS, "extends"]
-    docs = {**SECTIONS, "inputs": "what is wired to the part", "outputs": "what it gives"}
-    docs |= {"extends": "the graph to start from"}
+    docs = {**SECTIONS, "extends": "the graph to start from"}
     for rank, name in enumerate(names):
         example = f"`{EXAMPLES[name]}`" if name in EXAMPLES else ""
         yield Offer(name, "section", docs.get(name, ""), example, rank=rank)

@@ -224,7 +224,7 @@ class Model:
             return "world"
         if self.path.parent.name == "worlds" and not names & {*SECTIONS, *PORTS}:
             return "world"
-        if names & set(PORTS):
+        if names & set(PORTS) and not names & {"run", "probes", "plots", "metrics"}:
             return "part"
         return "overlay" if names and not names & {"graph", "run"} and self._is_open else "graph"
 

@@ -10,19 +10,18 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from blocks.core import TYPES, Block, Param
+from blocks.core import TYPES, Block, GraphInput, Param
 from blocks.registry import BUILTIN
-from runtime.descriptions import describe_markdown, param_row, summary
+from runtime.descriptions import param_row, summary
 from runtime.document import PART_SECTIONS, RUN_CHOICES, RUN_DOCS, RUN_KEYS, SECTIONS
 from runtime.experiments.design import KEYS, PLAN_KEYS
 from runtime.language.keys import (
     BLOCK_DOCS,
     COMMON_DOCS,
-    PORT_KEYS,
     WORLD_KEYS,
 )
 from runtime.language.settings import members_of, root_of
-from runtime.network import BLOCK_KEYS
+from runtime.network import BLOCK_KEYS, GraphOutput
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
 Schema = dict[str, Any]
@@ -32,6 +31,7 @@ NAME = "^[A-Za-z_][A-Za-z0-9_]*$"
 SOURCE: Schema = {"type": "string", "description": "producer.output"}
 SOURCES: Schema = {"anyOf": [SOURCE, {"type": "array", "items": SOURCE}, {"type": "null"}]}
 ANY: Schema = {}
+PORTS = GraphInput.spec.params
 
 
 def json_schema() -> Schema:
@@ -39,8 +39,12 @@ def json_schema() -> Schema:
     sections = _sections()
     for key in PART_SECTIONS:
         sections.setdefault(key, {"type": "object"})
-    sections["inputs"] = {"type": "object", "additionalProperties": _part_input()}
-    sections["outputs"] = {"type": "object", "additionalProperties": SOURCE}
+    for key, short, params in (
+        ("inputs", {"type": "string", "description": f"one of {', '.join(TYPES)}"}, PORTS),
+        ("outputs", SOURCE, GraphOutput.declared),
+    ):
+        whole = _object({name: param_schema(name, each) for name, each in params.items()})
+        sections[key] = sections.get(key, {}) | _map({"anyOf": [short, whole]})
     sections["extends"] = SOURCES | {"description": "the graph to start from"}
     for key, text in WORLD_KEYS.items():
         sections[key] = {"type": "array", "description": text}
@@ -105,12 +109,6 @@ def _probe() -> Schema:
     return {"anyOf": [SOURCE, {"type": "array", "items": SOURCE}, _object(properties)]}
 
 
-def _part_input() -> Schema:
-    kind: Schema = {"type": "string", "description": f"one of {', '.join(TYPES)}"}
-    whole = _object({key: {"description": text} for key, text in PORT_KEYS.items()})
-    return {"anyOf": [kind, whole]}
-
-
 def _wires() -> Schema:
     inputs = {"type": ["object", "null"], "additionalProperties": SOURCES}
     return {"type": ["object", "null"], "additionalProperties": inputs}
@@ -142,7 +140,7 @@ def _type_branch(name: str, cls: type[Block]) -> Schema:
     }
     inside = dict.fromkeys(BLOCK_KEYS, ANY)
     inside |= {key: param_schema(key, param) for key, param in cls.spec.params.items()}
-    then = _object(inside) | {"description": describe_markdown(cls).split("\n\n")[1]}
+    then = _object(inside) | {"description": summary(cls)}
     return {"if": condition, "then": then}
 
 

@@ -50,7 +50,7 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         yield from _of_kind(model, scope, section, names[1], cursor)
     elif section == "probes" and (len(names) == 1 or names[1:] == ["of"]):
         yield from _recordable(model, scope)
-    elif section == "outputs":
+    elif section == "outputs" and (len(names) == 1 or names[1:] == ["of"]):
         yield from _addresses(outputs_for(model, scope), None)
     elif section == "inputs" and (len(names) == 1 or names[1] in ("type", "optional")):
         words = ("true", "false") if names[1:] == ["optional"] else ()

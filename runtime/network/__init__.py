@@ -22,6 +22,7 @@ from runtime.network.components import (
     first_column,
     unknown_component,
 )
+from runtime.network.declared_port import PortDeclaration
 from runtime.network.discretization import discretize
 from runtime.network.edges import off_ticks
 from runtime.network.enabling import enables_of, resets
@@ -30,6 +31,7 @@ from runtime.network.initial import STATES
 from runtime.network.network import Network, NetworkEntry, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.other_names import ours_for
+from runtime.network.ports import GraphOutput
 from runtime.network.removal import follow, missing_block
 from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
@@ -45,8 +47,10 @@ __all__ = [
     "BlockCache",
     "Edit",
     "Endpoint",
+    "GraphOutput",
     "Network",
     "NetworkEntry",
+    "PortDeclaration",
     "ReportedError",
     "Scope",
     "Wire",

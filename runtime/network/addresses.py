@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from blocks.core import hint
 from runtime.document import Node
 from runtime.errors import Location
-from runtime.network.scope import Scope
+from runtime.network.scope import Scope, output_address
 
 # More than an address can pass: parts nest up to 50 deep, each with an input and an output.
 MAX_HOPS = 100
@@ -87,19 +87,22 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     while len(names) > 1 and names[0] in scope.parts:
         scope = scope.parts[names.pop(0)]
     head, rest = names[0], names[1:]
-    # From outside, 'part.k' and 'part.k[1]' are the output k, even if a block inside is named k.
-    is_output = scope is not start and head in scope.outputs
+    # From outside, 'part.k' and 'part.k[1]' are the output k, even if a block inside is named k; so
+    # are 'k' and 'k[1]' of the whole graph.
+    is_output = (scope is not start or scope.parent is None) and head in scope.outputs
     if head in scope.blocks and not (is_output and all(map(_INDEX.fullmatch, rest))):
         target = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
         return _component(target, rest[1:], text)
     # Reported where the block is written; what the address would be is not known.
     if head in scope.broken:
         raise ReportedError
-    if head == "inputs" and scope is start and scope.parent is not None:
+    if head == "inputs" and scope is start:
         return _from_outside(scope, rest, text, depth)
     if is_output:
         address = scope.path("outputs", head)
-        return _component(_hop(scope, scope.outputs[head], address, depth), rest, text)
+        return _component(
+            _hop(scope, output_address(scope.outputs[head]), address, depth), rest, text
+        )
     # The name may well be in a section that could not be read.
     if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):
         raise ReportedError
@@ -185,13 +188,18 @@ def _hop(scope: Scope, node: Node, address: str, depth: int) -> ResolvedAddress:
 
 
 def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> ResolvedAddress:
-    """The source that the graph around a part wires to one of the part's inputs."""
-    if "inputs" in scope.unread or scope.parent is None:
+    """The source that the graph around a part wires to one of the part's inputs, or its default."""
+    if "inputs" in scope.unread:
         raise ReportedError
     if not rest or rest[0] not in scope.inputs:
         known = ", ".join(scope.inputs) or "none"
         suggestion = (hint(rest[0], scope.inputs) if rest else "") or f"; its inputs: {known}"
-        raise AddressError(f"'{text}' is not an input of this part{suggestion}")
+        owner = "graph" if scope.parent is None else "part"
+        raise AddressError(f"'{text}' is not an input of this {owner}{suggestion}")
+    if own := scope.own_value(rest[0]):
+        return _component(ResolvedAddress(Endpoint(own, "out")), rest[1:], text)
+    if scope.parent is None:
+        raise UnwiredError(scope, rest[0])
     wires = scope.parent.wires.get(scope.name)
     if "wires" in scope.parent.unread or (wires is not None and not wires.is_map):
         raise ReportedError
@@ -217,7 +225,5 @@ def _missing(start: Scope, scope: Scope, head: str) -> str:
         inputs = ", ".join(f"inputs.{name}" for name in scope.inputs) or "none"
         suggestion = suggestion or f"; inputs of the part: {inputs}"
         return f"there is no block '{head}' in part '{scope.prefix.rstrip('.')}'{suggestion}"
-    if head == "inputs":
-        return "only a part has 'inputs'; expected block.output"
     suggestion = suggestion or f"; if it was deleted, restore it and write 'without: [{head}]'"
     return f"there is no block '{head}'{suggestion}"

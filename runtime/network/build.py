@@ -18,6 +18,7 @@ from typing import Any
 from blocks.core import (
     TYPES,
     Block,
+    GraphInput,
     ParameterError,
     SignalType,
     Variant,
@@ -39,9 +40,11 @@ from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.open_inputs import open_notes, report_open_inputs
+from runtime.network.ports import check_defaults, input_entries, with_ports
+from runtime.network.rates import rate_notes
 from runtime.network.removal import remove
 from runtime.network.sampling import sampling
-from runtime.network.scope import Scope
+from runtime.network.scope import INPUTS, Scope
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
 from runtime.network.written_types import written_types
@@ -97,13 +100,14 @@ def build(
         network,
         wires=tuple(wiring.wires),
         part_wires=tuple(wiring.part_wires),
-        part_inputs=wiring.part_inputs,
         terms=wiring.terms,
     )
+    check_defaults(network, problems)
     network = remove(network, problems)
     types, lengths = infer_types(network, problems)
     network = replace(network, types=types, lengths=lengths)
     network, extra = judge(network, wiring, problems, can_run)
+    network = with_ports(network, problems)
     if not problems.items:
         initial, notes = read_initial(network, problems)
         network = replace(network, initial=initial, notes=(*network.notes, *notes))
@@ -129,6 +133,8 @@ def judge(
         report_open(network, problems)
     missing = check_contexts(network, problems) if can_run else None
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
+    if can_run and not problems.items:
+        network = network.changed(notes=(*network.notes, *rate_notes(network)))
     return network, extra
 
 
@@ -192,7 +198,7 @@ class _Definition:
 
     @property
     def address(self) -> str:
-        return self.scope.path("blocks", self.name)
+        return self.scope.path_of(self.name)
 
 
 def construct_blocks(
@@ -204,6 +210,37 @@ def construct_blocks(
     block_cache: BlockCache | None,
 ) -> Network:
     """The network with its blocks, constructed once all classes and signal types are known."""
+    definitions = _definitions(network, classes, problems, modules)
+    # All classes first: a parameter may name a signal type that another block's module defines.
+    own = _signal_types(definitions, kinds, problems, modules)
+    entries, notes, part_inputs = {}, [], {}
+    for definition in definitions:
+        block, block_notes = _construct(definition, own, problems, block_cache, modules)
+        scope, node, name = definition.scope, definition.node, definition.name
+        full = scope.prefix + name
+        if isinstance(block, GraphInput) and "T" in block.variables:
+            part_inputs[scope.prefix + name.removeprefix(INPUTS)] = block.variables["T"]
+        if definition.cls is GraphInput and not scope.own_value(name.removeprefix(INPUTS)):
+            continue  # what is wired to it takes its place
+        every, offset = sampling(node, definition.cls, network, definition.address, problems)
+        seed = _seed(definition, problems)
+        sampled = node.get("dt") is not None
+        if sampled and definition.cls.spec.continuous:
+            message = "its states are continuous and integrated over every step; leave dt out"
+            problems.add(node.where, f"{definition.address}.dt", message)
+        entries[full] = NetworkEntry(
+            full, scope, node, definition.cls, block, every, sampled, offset, seed
+        )
+        notes += block_notes
+    return replace(
+        network, signal_types=own, entries=entries, notes=tuple(notes), part_inputs=part_inputs
+    )
+
+
+def _definitions(
+    network: Network, classes: Mapping[str, type[Block]], problems: Problems, modules: Modules
+) -> list[_Definition]:
+    """The blocks with their classes and defaults, and the inputs of the graph and its parts."""
     definitions = []
     for scope in network.scope.walk():
         for name, node in scope.blocks.items():
@@ -215,24 +252,12 @@ def construct_blocks(
         replace(each, node=node)
         for each, node in zip(definitions, with_defaults(written, problems), strict=True)
     ]
-    # All classes first: a parameter may name a signal type that another block's module defines.
-    own = _signal_types(definitions, kinds, problems, modules)
-    entries, notes = {}, []
-    for definition in definitions:
-        block, block_notes = _construct(definition, own, problems, block_cache, modules)
-        scope, node = definition.scope, definition.node
-        full = scope.prefix + definition.name
-        every, offset = sampling(node, definition.cls, network, definition.address, problems)
-        seed = _seed(definition, problems)
-        sampled = node.get("dt") is not None
-        if sampled and definition.cls.spec.continuous:
-            message = "its states are continuous and integrated over every step; leave dt out"
-            problems.add(node.where, f"{definition.address}.dt", message)
-        entries[full] = NetworkEntry(
-            full, scope, node, definition.cls, block, every, sampled, offset, seed
-        )
-        notes += block_notes
-    return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
+    inputs = (
+        _Definition(scope, name, node, GraphInput)
+        for scope in network.scope.walk()
+        for name, node in input_entries(scope)
+    )
+    return [*definitions, *inputs]
 
 
 def _seed(definition: _Definition, problems: Problems) -> int | None:
@@ -271,7 +296,8 @@ def _construct(
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
     params = cls.spec.params
-    values = {key: item for key, item in node.items() if key in params or key not in BLOCK_KEYS}
+    common = () if cls is GraphInput else BLOCK_KEYS
+    values = {key: item for key, item in node.items() if key in params or key not in common}
     unknown = [key for key in values if key not in params]
     for key in unknown:
         message = f"unknown parameter{_instead_of(key, values, cls)}"
@@ -292,7 +318,9 @@ def _construct(
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
                 where = place_of(node, parameter)
-                problems.add(where, f"{address}.{parameter}", text)
+                # An input may be written as its type alone: 'push: Scalar'.
+                short = cls is GraphInput and parameter == "type"
+                problems.add(where, address if short else f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, failure_text(cls, error))
     return None, []

@@ -9,9 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from blocks.core import PartEnable
+from blocks.core import GraphInput, PartEnable
 from runtime.errors import Problems
 from runtime.network.network import Network, NetworkEntry
+from runtime.network.scope import INPUTS
+
+# What a part has that is there while it is off.
+FROM_OUTSIDE = (PartEnable, GraphInput)
 
 
 def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
@@ -27,7 +31,7 @@ def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
             enable.name
             for enable in enables
             if name.startswith(enable.scope.prefix)
-            and not (issubclass(entry.cls, PartEnable) and entry.scope is enable.scope)
+            and not (issubclass(entry.cls, FROM_OUTSIDE) and entry.scope is enable.scope)
         )
         if above:
             result[name] = above
@@ -44,13 +48,15 @@ def check_enabling(network: Network, problems: Problems) -> None:
     """Report blocks that switch no part, or that what they switch would have to switch on."""
     for enable in _enables(network):
         kind, prefix = enable.cls.__name__, enable.scope.prefix
-        if enable.scope.parent is None and not enable.scope.inputs:
+        if enable.scope.parent is None:
             message = f"{kind} switches the part that it is in, but this is not in one; move it, "
             message += "with the blocks that it switches, to a part ({graph: part.yaml})"
             problems.add(enable.node.key, enable.address, message)
             continue
         for wire in network.wires:
-            if wire.block == enable.name and wire.source.block.startswith(prefix):
+            inside = wire.source.block.startswith(prefix)
+            is_input = wire.source.block.startswith(f"{prefix}{INPUTS}")
+            if wire.block == enable.name and inside and not is_input:
                 message = f"'{wire.source}' is in the part that '{enable.name}' switches, and would"
                 message += (
                     " not change once the part is off; wire a signal from outside of the part"

@@ -24,6 +24,7 @@ from runtime.document import SECOND, Node, Solver, Stop
 from runtime.errors import Problem, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.components import component_names
+from runtime.network.declared_port import PortDeclaration
 from runtime.network.scope import Scope
 
 Port = tuple[str, str]
@@ -74,7 +75,7 @@ class NetworkEntry:
 
     @property
     def address(self) -> str:
-        return self.scope.path("blocks", self.short)
+        return self.scope.path_of(self.short)
 
     def problem(self, parameter: str, text: str) -> Problem:
         """What is wrong with a parameter, at the place where it is written."""
@@ -148,6 +149,7 @@ class Network:
     removed_entries, removed_wires : removed blocks, and wires that went or moved with them.
     bypass_sources : output of a bypassed block to what is wired to the input it passes through.
     units : (block, type variable) to the unit that it passes on, where one is known.
+    inputs, outputs : the ports of the graph itself.
     only : the blocks that are judged, where all others were found right before; None for all.
     """
 
@@ -182,6 +184,8 @@ class Network:
     removed_wires: tuple[Wire, ...] = ()
     bypass_sources: Mapping[str, Endpoint] = field(default_factory=dict)
     units: Mapping[Port, str] = field(default_factory=dict)
+    inputs: Mapping[str, PortDeclaration] = field(default_factory=dict)
+    outputs: Mapping[str, PortDeclaration] = field(default_factory=dict)
     only: tuple[str, ...] | None = None
 
     @property

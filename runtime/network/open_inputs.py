@@ -17,7 +17,7 @@ from runtime.network.addresses import AddressError, find
 from runtime.network.inference import compatible
 from runtime.network.network import Network, Wire
 from runtime.network.removal import missing_block
-from runtime.network.scope import Scope, is_optional
+from runtime.network.scope import Scope, has_default, is_optional
 from runtime.network.wiring import Wiring
 
 MAX_SUGGESTED = 6
@@ -88,7 +88,7 @@ def _of_parts(network: Network) -> Iterator[_Open]:
         alive = any(name.startswith(scope.prefix) for name in network.entries)
         if scope.parent is not None and alive:
             for name, node in scope.inputs.items():
-                if not is_optional(node):
+                if not (is_optional(node) or has_default(node)):
                     kind = network.part_inputs.get(scope.prefix + name)
                     yield _Open(scope.parent, scope.name, name, kind, scope.where)
 

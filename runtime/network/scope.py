@@ -6,15 +6,14 @@ In: the sections of a graph or part. Out: what a name in it means. A block ``snn
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from blocks.core import TYPES, SignalType, hint, signal_type
-from runtime.document import (
-    Node,
-    check_keys,
-)
-from runtime.errors import Problems, Where
+from runtime.document import Node
+from runtime.errors import Where
+
+# Before the names of blocks that stand for inputs: "inputs.push", and "pid.inputs.limit" in a part.
+INPUTS = "inputs."
 
 
 @dataclass
@@ -45,6 +44,10 @@ class Scope:
     def names(self) -> list[str]:
         return [*self.blocks, *self.parts]
 
+    def block_names(self) -> list[str]:
+        """The names of blocks inside, those that stand for inputs first."""
+        return [*(INPUTS + name for name in self.inputs if self.own_value(name)), *self.blocks]
+
     def walk(self) -> Iterator[Scope]:
         """This scope and all below it."""
         yield self
@@ -59,31 +62,32 @@ class Scope:
         """The document address of an entry: ``blocks.adaptive.wires.snn_v``."""
         return ".".join(part for part in (self.address, section, name) if part)
 
+    def own_value(self, port: str) -> str:
+        """The block that stands for an input to which nothing is wired; '' if none does: something
+        is wired to it, or it has no default and may, or must not, be open."""
+        declared = self.inputs.get(port)
+        # An input of the whole graph that lacks a default is one error; its readers have a source.
+        is_needed = self.parent is None and declared is not None and not is_optional(declared)
+        if declared is None or not (is_needed or has_default(declared)):
+            return ""
+        wires = self.parent.wires.get(self.name) if self.parent is not None else None
+        is_wired = wires is not None and (not wires.is_map or wires.get(port) is not None)
+        return "" if is_wired else f"{self.prefix}{INPUTS}{port}"
 
-def part_input(
-    node: Node, address: str, problems: Problems, own: Mapping[str, SignalType] | None = None
-) -> SignalType | None:
-    """The type that an entry of a part's ``inputs`` declares; None if it declares none.
+    def path_of(self, block: str) -> str:
+        """The document address of a block, of those that stand for inputs included."""
+        return self.path("" if block.startswith(INPUTS) else "blocks", block)
 
-    ``own`` are the signal types that the graph's own blocks define, by name.
-    """
-    declared = node.get("type") if node.is_map else node
-    if node.is_map:
-        check_keys(node, ("type", "optional", "doc"), address, problems, "key")
-        optional = node.get("optional")
-        if optional is not None and not isinstance(optional.value, bool):
-            message = f"expected true or false, got {optional.describe()}"
-            problems.add(optional.where, f"{address}.optional", message)
-    if declared is None or declared.value is None:
-        return None
-    try:
-        if not isinstance(declared.value, str):
-            raise ValueError(f"expected a signal type such as Twist, got {declared.describe()}")
-        return signal_type(declared.value, own=own)
-    except ValueError as error:
-        near = hint(str(declared.value), [*(own or {}), *TYPES])
-        problems.add(declared.where, address, f"{error}{near}")
-        return None
+
+def output_address(node: Node) -> Node:
+    """The address of an entry of ``outputs``, which may have other keys beside it."""
+    return (node.get("of") or Node(None, node.where, node.key)) if node.is_map else node
+
+
+def has_default(declared: Node) -> bool:
+    """Whether an input has a value if nothing is wired to it."""
+    node = declared.get("default") if declared.is_map else None
+    return node is not None and node.value is not None
 
 
 def is_optional(declared: Node) -> bool:

@@ -8,6 +8,7 @@ In: a network with types. Out: problems and notes::
 from __future__ import annotations
 
 from collections import defaultdict, deque
+from collections.abc import Mapping
 
 from blocks.core import Input, Same, differ
 from runtime.errors import Problems
@@ -84,22 +85,29 @@ class _Units:
         return notes
 
     def of(self, end: Endpoint) -> str:
-        """The unit of a signal; '' if it is not known or differs between components."""
-        port = self.network.entries[end.block].cls.spec.outputs[end.port]
-        kind = self.network.types.get((end.block, end.port))
-        if kind is not None and kind.form == "record":
-            column = columns(kind, end.component) if end.component else None
-            return kind.units[column] if isinstance(column, int) else ""
-        own = not (isinstance(port.type, Same) and port.type.own_unit) or _stated(self.network, end)
-        if kind is not None and kind.rows and own:
-            column = columns(kind, end.component) if end.component else 0
-            one = end.component or kind.form == "scalar"
-            return kind.rows[column][1] if one and isinstance(column, int) else ""
-        if port.unit or not isinstance(port.type, Same):
-            return port.unit or (kind.units[0] if kind and len(kind.units) == 1 else "")
-        if port.type.own_unit:
-            return ""
-        return self.units.get((end.block, port.type.variable), "")
+        return unit_of(self.network, end, self.units)
+
+
+def unit_of(network: Network, end: Endpoint, units: Mapping[Port, str]) -> str:
+    """The unit of a signal; '' if it is not known or differs between components.
+
+    ``units`` are those of type variables.
+    """
+    entry = network.entries[end.block]
+    port = entry.cls.spec.outputs[end.port]
+    unit = port.unit if entry.block_or_none is None else entry.block.port_unit(end.port)
+    kind = network.types.get((end.block, end.port))
+    if kind is not None and kind.form == "record":
+        column = columns(kind, end.component) if end.component else None
+        return kind.units[column] if isinstance(column, int) else ""
+    own = not (isinstance(port.type, Same) and port.type.own_unit) or _stated(network, end)
+    if kind is not None and kind.rows and own:
+        column = columns(kind, end.component) if end.component else 0
+        one = end.component or kind.form == "scalar"
+        return kind.rows[column][1] if one and isinstance(column, int) else ""
+    if unit or not isinstance(port.type, Same):
+        return unit or (kind.units[0] if kind and len(kind.units) == 1 else "")
+    return "" if port.type.own_unit else units.get((end.block, port.type.variable), "")
 
 
 def _stated(network: Network, end: Endpoint) -> bool:

@@ -8,7 +8,7 @@ In: scopes with their sections ``wires``, and the blocks' ports. Out: a :class:`
 
 from __future__ import annotations
 
-from blocks.core import SignalType, hint
+from blocks.core import hint
 from runtime.document import Node, closest
 from runtime.errors import Problems
 from runtime.network.addresses import (
@@ -20,7 +20,7 @@ from runtime.network.addresses import (
 )
 from runtime.network.block_types import relative_with
 from runtime.network.network import Network, NetworkEntry, Wire, check_output
-from runtime.network.scope import Scope, is_optional, part_input
+from runtime.network.scope import Scope, is_optional, output_address
 
 Input = tuple[str, str]
 
@@ -28,7 +28,7 @@ Input = tuple[str, str]
 class Wiring:
     """Resolves the wires of a network; reports those that lead to or from nothing.
 
-    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``connected`` holds
+    ``wires``, ``part_wires`` and ``terms`` are the network's. ``connected`` holds
     the inputs of blocks and parts that need no further message: something is wired to them, even
     if it is wrong. ``open_for`` says why the wire that is written to an input leads to nothing.
     """
@@ -38,19 +38,13 @@ class Wiring:
         self.problems = problems
         self.wires: list[Wire] = []
         self.part_wires: list[Wire] = []
-        self.part_inputs: dict[str, SignalType] = {}
         self.terms: dict[Input, tuple[bool, ...]] = {}
         self.connected: set[Input] = set()
         self.open_for: dict[Input, str] = {}
         for scope in network.scope.walk():
             for name, node in scope.outputs.items():
                 # Also where nothing reads the output.
-                self.check_source(scope, node, scope.path("outputs", name))
-            for name, node in scope.inputs.items():
-                address = scope.path("inputs", name)
-                kind = part_input(node, address, problems, network.signal_types)
-                if kind is not None and not kind.symbol:
-                    self.part_inputs[scope.prefix + name] = kind
+                self.check_source(scope, output_address(node), scope.path("outputs", name))
             for consumer, ports in scope.wires.items():
                 self.consumer(scope, consumer, ports)
 

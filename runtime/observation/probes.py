@@ -296,7 +296,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     kind_at = component_type(whole, end)
     if kind_at is None:
         return None
-    labels, units = _columns(whole, end, label, spec.outputs[end.port].unit)
+    labels, units = _columns(whole, end, label, entry.block.port_unit(end.port))
     units = tuple(in_time(unit, network.time_unit) for unit in units)
     constant = spec.outputs[end.port].constant
     shape, name = kind_at.shape, kind_at.name

@@ -344,12 +344,12 @@ class _Reader:
         """Why a name can be neither a probe's name nor an address; '' if it may be one."""
         head, dot, rest = name.partition(".")
         scope = self.network.scope
-        if not dot and (head in scope.blocks or head in scope.broken):
+        known = {*scope.blocks, *scope.broken, *scope.outputs}
+        if not dot and head.partition("[")[0] in known:
             return ""
         if not dot:
-            return (
-                f"there is no probe '{name}'{hint(name, self.declared) or '; expected ' + _SOURCE}"
-            )
+            near = hint(name, [*self.declared, *scope.outputs])
+            return f"there is no probe '{name}'{near or '; expected ' + _SOURCE}"
         if head in self.declared and head not in scope.names():
             return f"'{head}' is a probe; '.{rest}' needs the address that it records"
         owner = name.removesuffix(".time")

@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import LEVEL, NEVER, SAME, SAME_RUNS, too_few
-from runtime.experiments.analysis.ablation_plots import ablation_figure, read_facts
+from runtime.experiments.analysis import LEVEL, NEGLIGIBLE, NEVER, SAME, SAME_RUNS, too_few
+from runtime.experiments.analysis.ablation_plots import ablation_figure, overall, read_facts
+from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
     DIAGRAMS,
     GRAPH,
     INDEX,
     TABLE,
+    VARIANT,
     Columns,
     check_entries,
     read_plan,
@@ -105,18 +107,20 @@ def _differences(results: Mapping[str, Any]) -> Html:
     groups: dict[str, list[list[str]]] = {}
     for line in results["table"]:
         name = with_unit(line["metric"], results.get("units") or {})
+        name = ", ".join(filter(None, (name, line.get("setting"))))
         never = (results.get("never") or {}).get(line["metric"], NEVER)
         groups.setdefault(name, []).append(_line(line, never))
     note = element(
         "p",
-        f"Differences are from the baseline, paired by seed ({results['test']}). A difference is "
-        f"significant if p < {LEVEL:.2g} after {results['correction']}'s correction for all "
-        "comparisons of the table. n/N: n of N seeds have a value (for a difference, in both "
-        "variants), and means are over those; what is never reached counts as worse than any "
-        "value, in a sign test. “yes, in seeds”: the share of seeds with a value differs "
-        f"significantly from the baseline's. “too few seeds”: {too_few()} by an exact test. "
-        f"“{SAME}”: {SAME_RUNS}. “removed”: the variant does not have the signal that the metric "
-        "measures.",
+        f"Differences are from the baseline, paired by seed ({results['test']}); in %, the typical "
+        f"ratio of skewed values. A difference is significant if p < {LEVEL:.2g} after "
+        f"{results['correction']}'s correction for all comparisons of the table that can differ. "
+        "n/N: n of N seeds have a value (for a difference, in both variants), and means are over "
+        "those; what is never reached, and a run that failed, counts as worse than any value. "
+        "“yes, in seeds”: the share of seeds with a value differs significantly from the "
+        f"baseline's. “too few seeds”: {too_few()} by an exact test. “{NEGLIGIBLE}”: the interval "
+        f"is within the smallest difference that counts. “{SAME}”: {SAME_RUNS}. “removed”: the "
+        "variant does not have the signal that the metric measures.",
         class_="soft small",
     )
     return join(grouped_table(head, groups, range(1, 7), label="differences"), note)
@@ -124,8 +128,10 @@ def _differences(results: Mapping[str, Any]) -> Html:
 
 def _line(line: Mapping[str, Any], never: str) -> list[str]:
     seeds = str(line["runs"]) if line["n"] == line["runs"] else f"{line['n']}/{line['runs']}"
+    reference = line.get("reference")
+    is_contrast = reference not in (None, BASELINE)
     cells = [
-        line["variant"],
+        f"{line['variant']} - {reference}" if is_contrast else line["variant"],
         SAME if line.get("identical") else seeds,
         pieces.number(line["mean"]) if line["n"] else pieces.mean(line, line["runs"], never),
         pieces.interval(line["low"], line["high"]),
@@ -138,8 +144,7 @@ def _line(line: Mapping[str, Any], never: str) -> list[str]:
     shown = element("strong", word) if word.startswith("yes") else word
     return [
         *cells,
-        pieces.mean(difference, line["runs"], signed=True),
-        pieces.interval(difference["low"], difference["high"], signed=True),
+        *pieces.difference(difference, line["runs"]),
         pieces.probability(difference["p_adjusted"]),
         shown,
     ]
@@ -212,7 +217,7 @@ def _check_whole(facts: dict[str, Any]) -> None:
     """Check that the table has a line for each metric and variant, and that slugs are names."""
     names = [variant["name"] for variant in facts["variants"]]
     expected = [(metric, name) for metric in facts["metrics"] for name in names]
-    if [(line["metric"], line["variant"]) for line in facts["table"]] != expected:
+    if [(line["metric"], line["variant"]) for line in overall(facts)] != expected:
         raise ValueError("table: expected a line for each metric and variant, in their order")
     if not names or not facts["seeds"] or not facts["metrics"]:
         raise ValueError("expected at least one variant, seed and metric")
@@ -224,7 +229,8 @@ def _check_whole(facts: dict[str, Any]) -> None:
 def _check_index(folder: Path, facts: dict[str, Any]) -> None:
     path = folder / INDEX
     known = {variant["name"] for variant in facts["variants"]}
-    for row in read_rows(path, Columns(("variant",), tuple(facts["metrics"]))):
+    factors = (VARIANT, *facts.get("factors", ()))
+    for row in read_rows(path, Columns(factors, tuple(facts["metrics"]))):
         if row.cells[0] not in known:
             raise UsageError(
                 f"'{path}' belongs to a different plan, which has a variant '{row.cells[0]}'"

@@ -63,6 +63,16 @@ def mean(
     return join(shown, element("span", f" {n}/{runs}", class_="soft"))
 
 
+def difference(apart: Mapping[str, Any], runs: int) -> tuple[Html, str]:
+    """A paired difference and its interval; that of a ratio in percent."""
+    low, high = apart["low"], apart["high"]
+    if apart.get("test") != "log ranks" or apart["mean"] is None:
+        return mean(apart, runs, signed=True), interval(low, high, signed=True)
+    percent = {**apart, "mean": 100.0 * apart["mean"]}
+    ends = "–" if None in (low, high) else interval(100.0 * low, 100.0 * high, signed=True) + " %"
+    return join(mean(percent, runs, signed=True), " %"), ends
+
+
 def probability(p: float | None) -> str:
     """A p value in two digits; a bound for very small ones."""
     if p is None or math.isnan(p):

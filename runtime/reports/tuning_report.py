@@ -158,9 +158,11 @@ def _evaluations(stored: Mapping[str, Any]) -> Html:
         rows.append([*row, pieces.number(line.get("optimism"), signed=True)])
     note = element(
         "p",
-        "Own: the graph's own values. Differences are from them on the same runs (paired t, p by "
-        "Benjamini-Hochberg; what is never reached counts as worse than any value, in a sign "
-        f"test). Optimism: training minus held-out. {SAME}: {SAME_RUNS}.",
+        "Own: the graph's own values. Differences are from them on the same conditions, or of one "
+        "condition on the same seeds (paired t, or signed ranks where values are skewed or runs "
+        "failed, p by Benjamini-Hochberg; what is never reached, and a run that failed, counts as "
+        "worse than any value; in %: the typical ratio). Optimism: training minus held-out. "
+        f"{SAME}: {SAME_RUNS}.",
         class_="soft small",
     )
     return join(table(head, rows, range(2, len(head)), label="training and held-out runs"), note)
@@ -176,7 +178,7 @@ def _cells(evaluation: Mapping[str, Any], never: str) -> list[str | Html]:
         SAME
         if evaluation.get("identical")
         else pieces.interval(evaluation["low"], evaluation["high"]),
-        pieces.number(difference.get("mean"), signed=True),
+        pieces.difference(difference, difference["n"])[0] if difference else pieces.number(None),
         too_few(difference["needed"]) if few else pieces.probability(difference.get("p_adjusted")),
     ]
 

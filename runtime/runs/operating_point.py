@@ -147,6 +147,8 @@ def _engine(network: Network, at: float, period: int) -> tuple[Engine, int]:
 
 def _input_at(network: Network, text: str) -> Port:
     """The input or output of a block to which an offset is added."""
+    if text in network.inputs:
+        return network.inputs[text].end.block, network.inputs[text].end.port
     block, _, port = text.rpartition(".")
     entry = network.entries.get(block)
     if entry is not None and port in entry.cls.spec.inputs:

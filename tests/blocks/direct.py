@@ -32,6 +32,15 @@ REQUIRED: dict[str, dict[str, Any]] = {
         **{"A": [[1, 0.1], [-0.1, 1]], "B": [[1, 0], [0, 1]], "C": [[1, 0], [1, 1]]},
         **{"Q": [1, 1], "R": [1, 1]},
     },
+    "PlanarArm": {"lengths": [0.5, 0.4, 0.3], "masses": [2, 1, 0.5]},
+    "Trials": {"phases": {"show": 0.02, "wait": 0.03}, "items": 3},
+    "Vocabulary": {"items": 3, "dimensions": 4},
+    "LinearMPC": {"A": [[0, 1], [-1, 0]], "B": [0, 1], "Q": [1, 1], "R": 1.0},
+    "LinearL1": {"A": [[0, 1], [-1, 0]], "B": [0, 1]},
+    "LinearDisturbanceObserver": {
+        **{"A": [[1, 0.1], [-0.1, 1]], "B": [0, 0.1], "C": [1, 0]},
+        **{"Q": [1, 1], "R": 1, "D": [0.1]},
+    },
     "ExtendedKalmanFilter": {
         "transition": ["x[0] + 0.1*sin(x[1])", "0.9*x[1] + u[0]"],
         "observation": "x[0]**2 + x[1]",

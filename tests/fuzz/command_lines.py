@@ -91,7 +91,7 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "-j": ("1", "2", "0", "5000"),
     "--timeout": ("60", "0", "nan", "-1"),
     "--scheduler": ("nowhere", "tcp://"),
-    "--test": ("t", "bootstrap"),
+    "--test": ("auto", "t", "ranks"),
     "--rtol": ("0", "1e-3", "-1", "nan"),
     "--atol": ("0", "1e-3", "inf"),
     "--probes": ("pose", "pose,seen", "nope", ",,"),

@@ -73,7 +73,7 @@ def rows(seeds: range) -> Iterator[tuple[str, ...]]:
                 cells = []
                 for varied in (False, True):
                     own = errors(case, rule, gains, seeds, varied)
-                    apart = difference(own, alone[varied])
+                    apart = difference(own, alone[varied], "t")
                     known = [value for value in own if value is not None]
                     cells += [
                         _interval(estimate(known)),

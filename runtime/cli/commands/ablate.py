@@ -31,6 +31,7 @@ is removed in turn: bypassed if it has a pass-through, removed if the graph runs
 listed as essential otherwise.
 
   runtime ablate G --without adaptive --replace lqr=PathPID --set lqr.kp=2
+  runtime ablate G --without adaptive --primary error --margin error=0.001
   runtime ablate G --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
 """
 
@@ -42,9 +43,23 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument("graph", help="a graph, or an experiment.yaml with variants")
     parser.add_argument(
         "--test",
-        choices=("t", "bootstrap"),
-        default="t",
-        help="intervals and tests by Student's t (default), or by resampling",
+        choices=("auto", "t", "ranks"),
+        default="auto",
+        help="paired t, or signed ranks; auto (default): ranks for skewed values and failed runs",
+    )
+    parser.add_argument(
+        "--primary",
+        action="append",
+        metavar="METRIC",
+        default=[],
+        help="a metric that is tested, others are then described; repeatable (all are tested)",
+    )
+    parser.add_argument(
+        "--margin",
+        action="append",
+        metavar="[METRIC=]D",
+        default=[],
+        help="the smallest difference that counts, as error=0.001 or 5%%; repeatable",
     )
     add_experiment(parser, "ablation", "ablations", "0..9", variants=True)
 
@@ -70,8 +85,10 @@ def run(options: Namespace) -> int:
     if not options.no_plots:
         from runtime.experiments.analysis.ablation_plots import ablation_figure
         from runtime.experiments.analysis.figures import save_figures
+        from runtime.experiments.analysis.sweep_plots import sweep_figures
 
-        pictures = save_figures(done.folder, [("ablation", ablation_figure(done.folder))])
+        crossed = sweep_figures(done.folder) if plan.design.factors else ()
+        pictures = save_figures(done.folder, [("ablation", ablation_figure(done.folder)), *crossed])
     show_results(options, done.to_dict(), f"{done.text()}\n", pictures)
     return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0
 

@@ -10,14 +10,16 @@ from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table, tell
 
 if TYPE_CHECKING:
-    from blocks.core import Block
+    from blocks.core import Block, Variant
 
 HELP = "list the block types, or show one block's ports and parameters"
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("type", nargs="?", help="a block type")
+    parser.add_argument(
+        "type", nargs="?", help="a block type, or a neuron model, solver, synapse or rule of one"
+    )
     parser.add_argument(
         "--search", metavar="WORD", help="only types whose name or description contains the word"
     )
@@ -28,9 +30,19 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Print all block types, or one."""
     from blocks.registry import BLOCKS
-    from runtime.descriptions import describe_json, describe_text, library
+    from runtime.descriptions import (
+        describe_json,
+        describe_text,
+        library,
+        variants,
+    )
 
     known = library(options.module)
+    if options.type is not None and options.type not in known:
+        member = variants(known).get(options.type)
+        if member is not None:
+            _show_setting(member, known, options.json)
+            return 0
     if options.type is None:
         for line in BLOCKS.broken():
             tell(f"note: {line}")
@@ -43,8 +55,9 @@ def run(options: Namespace) -> int:
             BLOCKS.find(options.type)
         except BrokenPackageError as error:
             raise UsageError(str(error)) from None
+        every = [*known, *variants(known)]
         suggestion = (
-            ours_for(options.type) or hint(options.type, known) or f"; there are {', '.join(known)}"
+            ours_for(options.type) or hint(options.type, every) or f"; there are {', '.join(known)}"
         )
         raise UsageError(f"no block type '{options.type}'{suggestion}")
     if options.json:
@@ -57,21 +70,47 @@ def run(options: Namespace) -> int:
     return 0
 
 
-def _list(known: dict[str, type[Block]], word: str | None) -> None:
-    """Print block types by family with one line each; only those that a word matches, if given."""
-    from runtime.descriptions import families, summary
+def _show_setting(member: type[Variant], known: dict[str, type[Block]], as_json: bool) -> None:
+    """Print a neuron model, a solver, a synapse or a rule."""
+    from runtime.descriptions import describe_variant, parameters_json, settings
 
-    chosen = known
-    if word is not None:
-        chosen = {
-            name: cls
-            for name, cls in known.items()
-            if word.lower() in f"{name} {cls.__doc__}".lower()
+    users = [
+        user for each, here in settings(known).items() if issubclass(member, each) for user in here
+    ]
+    if as_json:
+        found = {
+            "doc": member.__doc__,
+            "for": users,
+            "parameters": parameters_json(member.declared),
         }
-        if not chosen:
-            raise UsageError(f"no block type has '{word}' in its name or description")
-    width = max(map(len, chosen))
-    for family, names in families(chosen).items():
+        show_json({member.label: found})
+    else:
+        show(describe_variant(member, ", ".join(users)))
+
+
+def _list(known: dict[str, type[Block]], word: str | None) -> None:
+    """Print block types by family with one line each; only those that a word matches, if given.
+
+    With a word, also what parameters choose from: neuron models, solvers, distributions.
+    """
+    from runtime.descriptions import families, forms, settings, summary
+
+    word = "" if word is None else word.lower()
+    chosen = {name: cls for name, cls in known.items() if word in f"{name} {cls.__doc__}".lower()}
+    lists = {
+        family: [(name, summary(chosen[name])) for name in names]
+        for family, names in families(chosen).items()
+    }
+    for setting, users in settings(known).items() if word else ():
+        rows = [
+            (form, doc) for form, _, _, doc in forms(setting) if word in f"{form} {doc}".lower()
+        ]
+        if rows:
+            lists[f"for {', '.join(users)}"] = rows
+    if not lists:
+        raise UsageError(f"nothing has '{word}' in its name or description")
+    width = max(len(name) for rows in lists.values() for name, _ in rows)
+    for family, rows in lists.items():
         show(family)
-        show(table([(name.ljust(width), summary(chosen[name])) for name in names]) + "\n")
+        show(table([(name.ljust(width), doc) for name, doc in rows]) + "\n")
     show("'runtime blocks TYPE' shows a block's ports and parameters; '--search WORD' filters.")

@@ -1,13 +1,19 @@
 """Statistics of experiments: estimates, significance, tables, and data for figures."""
 
 from runtime.experiments.analysis.comparison import (
+    PER,
     ComparisonLine,
+    Questions,
+    Sample,
     compare,
+)
+from runtime.experiments.analysis.comparison_text import (
     comparison_rows,
     comparison_table,
     legend,
 )
 from runtime.experiments.analysis.groups import Tally, TrialGroup, gather, is_same
+from runtime.experiments.analysis.samples import failed_value, mean_value, samples_of
 from runtime.experiments.analysis.statistics import (
     ANY,
     CONFIDENCE,
@@ -25,9 +31,11 @@ from runtime.experiments.analysis.statistics import (
 )
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 from runtime.experiments.analysis.words import (
+    NEGLIGIBLE,
     NEVER,
     SAME,
     SAME_RUNS,
+    apart,
     interval,
     mean_of,
     too_few,
@@ -38,30 +46,38 @@ __all__ = [
     "CONFIDENCE",
     "CORRECTION",
     "LEVEL",
+    "NEGLIGIBLE",
     "NEVER",
+    "PER",
     "SAME",
     "SAME_RUNS",
     "TESTS",
     "ComparisonLine",
     "Estimate",
     "PairedDifference",
+    "Questions",
+    "Sample",
     "SweepData",
     "Tally",
     "Test",
     "TrialGroup",
+    "apart",
     "benjamini_hochberg",
     "compare",
     "comparison_rows",
     "comparison_table",
     "difference",
     "estimate",
+    "failed_value",
     "gather",
     "interval",
     "is_same",
     "is_significant",
     "legend",
     "mean_of",
+    "mean_value",
     "number_or_none",
     "read_sweep",
+    "samples_of",
     "too_few",
 ]

@@ -24,11 +24,13 @@ from runtime.errors import UsageError
 from runtime.experiments.analysis.figures import MARK, WIDTH
 from runtime.experiments.analysis.statistics import is_significant
 from runtime.experiments.analysis.words import NEVER, SAME, SAME_RUNS, TOO_FEW, too_few
+from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
     INDEX,
     RUNS,
     TABLE,
     TRAJECTORY_PLOTS,
+    VARIANT,
     Columns,
     Row,
     read_rows,
@@ -87,7 +89,7 @@ def ablation_figure(folder: Path) -> Figure:
 
 def _caption(facts: dict[str, Any]) -> str:
     """What the marks of an ablation's figure mean."""
-    table = facts["table"]
+    table = overall(facts)
     if all(line.get("identical") for line in table if line["recorded"]):
         return f"{SAME}: {SAME_RUNS}"
     sentences = [f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"]
@@ -114,12 +116,25 @@ def read_facts(folder: Path) -> dict[str, Any]:
     return facts
 
 
+def overall(facts: dict[str, Any]) -> list[dict[str, Any]]:
+    """The lines of each variant beside the baseline, over all settings of the factors."""
+    references = (None, BASELINE)
+    return [
+        line
+        for line in facts["table"]
+        if line.get("setting", "") == ""
+        and line.get("reference") in references
+        and line["metric"] in facts["metrics"]
+    ]
+
+
 def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], rows: int) -> None:
     """One axes per metric, all with the variants at the same heights."""
     names = [variant["name"] for variant in facts["variants"]]
     metrics = facts["metrics"]
     values: dict[str, list[Row]] = {name: [] for name in names}
-    for row in read_rows(folder / INDEX, Columns(("variant",), tuple(metrics))):
+    factors = (VARIANT, *facts.get("factors", ()))
+    for row in read_rows(folder / INDEX, Columns(factors, tuple(metrics))):
         values[row.cells[0]].append(row)
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
     for i, axes in enumerate(grid.flat):
@@ -127,7 +142,7 @@ def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], ro
             axes.set_visible(False)
             continue
         axes.set_title(with_unit(metrics[i], facts.get("units") or {}))
-        lines = [line for line in facts["table"] if line["metric"] == metrics[i]]
+        lines = [line for line in overall(facts) if line["metric"] == metrics[i]]
         own = [[row.metrics[i] for row in values[name]] for name in names]
         _metric(axes, lines, own, (facts.get("never") or {}).get(metrics[i], NEVER))
     grid[0][0].set_yticks(range(len(names)), names)

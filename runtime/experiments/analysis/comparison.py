@@ -1,28 +1,24 @@
 """The comparison of variants with their baseline: an ablation's table, as data and as text.
 
-In: for each variant and metric one value per seed. Out: a :class:`ComparisonLine` each::
+In: for each metric and variant one value per seed. Out: a :class:`ComparisonLine` each::
 
-    {baseline: {error: [2.0, 2.4, 2.2]}, soft: {error: [2.1, 2.7, 2.4]}}
+    {(error, ""): {baseline: [2.0, 2.4, 2.2], soft: [2.1, 2.7, 2.4]}}
     ->  soft  error  mean 2.4  difference +0.2, p 0.07, corrected 0.07: no
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from runtime.experiments.analysis.statistics import (
     ANY,
-    CORRECTION,
-    LEVEL,
-    TESTS,
     Ends,
     Estimate,
     PairedDifference,
     Test,
-    Values,
     benjamini_hochberg,
     difference,
     estimate,
@@ -31,17 +27,10 @@ from runtime.experiments.analysis.statistics import (
     mcnemar_test,
     number_or_none,
 )
-from runtime.experiments.analysis.words import (
-    NEVER,
-    SAME,
-    SAME_RUNS,
-    TOO_FEW,
-    half_width,
-    interval,
-    seeds_of,
-    too_few,
-)
-from runtime.terminal import number, table, with_unit
+from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, TOO_FEW
+from runtime.experiments.design import BASELINE
+
+PER = " per "  # in the name of a trend: error per wind.speed
 
 
 @dataclass(frozen=True)
@@ -51,9 +40,13 @@ class ComparisonLine:
     Parameters
     ----------
     runs : number of seeds; ``own.n`` of them have a value, ``own.never`` an infinite one.
-    difference : the paired difference to the baseline; None for the baseline itself.
+    setting : values of the factors; '' for all of them together.
+    reference : what the variant is compared with; None for the baseline itself.
+    difference : the paired difference to the reference.
     p_adjusted : ``difference.p`` corrected for the number of comparisons in the table.
-    p_presence : likewise, for having a value as often as the baseline.
+    p_presence : likewise, for having a value as often as the reference.
+    failed : runs that failed, which count as worse than any value.
+    is_primary : the metric is tested, and not only described.
     is_removed : the variant does not record what the metric measures.
     """
 
@@ -64,7 +57,17 @@ class ComparisonLine:
     difference: PairedDifference | None = None
     p_adjusted: float = math.nan
     p_presence: float = math.nan
+    setting: str = ""
+    reference: str | None = None
+    failed: int = 0
+    is_primary: bool = True
     is_removed: bool = False
+
+    @property
+    def title(self) -> str:
+        """What is compared, if not with the baseline."""
+        is_contrast = self.reference not in (None, BASELINE)
+        return f"{self.variant} - {self.reference}" if is_contrast else self.variant
 
     @property
     def has_significant_difference(self) -> bool | None:
@@ -88,12 +91,16 @@ class ComparisonLine:
             return ""
         if self.has_significant_presence:
             return "yes, in seeds"
-        if difference.is_same:
-            return "equal" if difference.mean == 0.0 else SAME
-        if difference.pairs and difference.p == 1.0 and not difference.mean:
-            return "equal"
+        if difference.is_same and not difference.is_equal:
+            return SAME
+        if difference.is_equal:
+            return EQUAL
+        if not self.is_primary:
+            return "-"
         if self.has_significant_difference:
             return "yes"
+        if difference.is_negligible:
+            return NEGLIGIBLE
         if difference.is_too_small or self.needed > self.runs:
             return TOO_FEW
         return "-" if self.has_significant_difference is None else "no"
@@ -110,7 +117,11 @@ class ComparisonLine:
         difference = self.difference
         line: dict[str, Any] = {
             "variant": self.variant,
+            "reference": self.reference,
             "metric": self.metric,
+            "setting": self.setting,
+            "primary": self.is_primary,
+            "failed": self.failed,
             "runs": self.runs,
             "recorded": not self.is_removed,
             **self.own.to_dict(),
@@ -127,136 +138,125 @@ class ComparisonLine:
         return line
 
 
-def compare(
-    values: Mapping[str, Mapping[str, Values]],
-    baseline: str,
-    test: Test = "t",
-    removed: Container[tuple[str, str]] = (),
-    same: Container[tuple[str, str]] = (),
-    ends: Mapping[str, Ends] | None = None,
-) -> list[ComparisonLine]:
-    """The lines of the table, metric by metric, the baseline first.
+@dataclass(frozen=True)
+class Sample:
+    """The values of one metric of one variant: one per seed, or per setting of the factors.
 
     Parameters
     ----------
-    values : for each variant and metric, one value per seed; all in the same order of seeds.
-    removed : (variant, metric) where the variant removes what the metric measures.
-    same : (variant, metric) where the seed changes nothing, so that all runs are one.
-    ends : of the intervals of each metric's mean.
+    values : None where there is none; infinite for what was never reached, or of a failed run.
+    failed : how many of these runs failed.
+    is_same : the seed changes nothing, so that all runs are one.
+    is_removed : the variant does not record what the metric measures.
+    """
+
+    values: tuple[float | None, ...]
+    failed: int = 0
+    is_same: bool = False
+    is_removed: bool = False
+
+
+@dataclass(frozen=True)
+class Questions:
+    """What is asked of the values.
+
+    Parameters
+    ----------
+    primary : the metrics whose differences are tested; all if empty. Of the others, intervals are
+        shown, without a verdict.
+    contrasts : pairs of variants that are compared with each other, besides with the baseline.
+    margins : by metric, the smallest difference that counts: in its unit, or a share of the
+        baseline's mean if it is a string such as ``5%``. That of '' is of all others.
+    ends : by metric, of the intervals of its mean.
+    never : by metric, what infinite means. Such waiting times have skewed distributions.
+    """
+
+    test: Test = "auto"
+    primary: Sequence[str] = ()
+    contrasts: Sequence[tuple[str, str]] = ()
+    margins: Mapping[str, float | str] = field(default_factory=dict)
+    ends: Mapping[str, Ends] = field(default_factory=dict)
+    never: Mapping[str, str] = field(default_factory=dict)
+
+    def is_primary(self, metric: str) -> bool:
+        """Whether a metric, or the trend of one, is tested."""
+        return not self.primary or metric.partition(PER)[0] in self.primary
+
+    def margin(self, metric: str, base: Estimate) -> float:
+        """The smallest difference of a metric that counts, given the baseline's mean."""
+        written = self.margins.get(metric, self.margins.get("", 0.0))
+        if not isinstance(written, str):
+            return written
+        share = float(written.removesuffix("%")) / 100.0
+        return share * abs(base.mean) if base.n else 0.0
+
+
+def compare(
+    samples: Mapping[tuple[str, str], Mapping[str, Sample]],
+    baseline: str,
+    questions: Questions,
+) -> list[ComparisonLine]:
+    """The lines of the table, metric by metric, the baseline first, contrasts last.
+
+    Parameters
+    ----------
+    samples : for each metric and setting of the factors ('' for all), those of each variant, in
+        the same order of seeds.
 
     Both kinds of p value, of differences and of missing values, are corrected together: without
-    it, a table of many comparisons would show some that are significant by chance.
+    it, a table of many comparisons would show some that are significant by chance. What is equal
+    in every seed was not tested, and does not count.
     """
     lines = []
-    for metric, base in values[baseline].items():
-        for variant, columns in values.items():
-            own_values = columns[metric]
-            is_same = (variant, metric) in same
-            known = [value for value in own_values if value is not None]
-            own = estimate(known, test, (ends or {}).get(metric, ANY), is_same)
-            line = ComparisonLine(
-                variant, metric, len(own_values), own, is_removed=(variant, metric) in removed
-            )
-            if variant != baseline and not line.is_removed:
-                # Where both lack the same values there is nothing to test, and another p value of 1
-                # would only weaken the correction of the others.
-                differs = [a is None for a in own_values] != [b is None for b in base]
-                line = replace(
-                    line,
-                    difference=difference(
-                        own_values, base, test, is_same and (baseline, metric) in same
-                    ),
-                    p_presence=mcnemar_test(own_values, base) if differs else math.nan,
-                )
-            lines.append(line)
-    compared = [line.difference.p if line.difference is not None else math.nan for line in lines]
-    corrected = benjamini_hochberg([*compared, *(line.p_presence for line in lines)])
-    triples = zip(lines, corrected[: len(lines)], corrected[len(lines) :], strict=True)
-    return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in triples]
-
-
-def comparison_rows(
-    lines: Sequence[ComparisonLine],
-    units: Mapping[str, str] | None = None,
-    never: Mapping[str, str] | None = None,
-    interval_text: Callable[[Estimate, str], str] = interval,
-) -> list[tuple[str, ...]]:
-    """The table as strings: its header, and for each metric its name and a row per variant.
-
-    Parameters
-    ----------
-    never : for each metric that may be infinite, what that means, such as ``never settled``.
-    shown : writes an interval, the second argument being the sign of its format.
-    """
-    rows: list[tuple[str, ...]] = [
-        (
-            "",
-            "seeds",
-            "mean",
-            "interval of mean",
-            "difference",
-            "interval of difference",
-            "differs",
+    for (metric, setting), variants in samples.items():
+        for variant in variants:
+            reference = None if variant == baseline else baseline
+            lines.append(_line(metric, setting, variants, variant, reference, questions))
+        for variant, reference in questions.contrasts:
+            lines.append(_line(metric, setting, variants, variant, reference, questions))
+    tested = [line for line in lines if questions.is_primary(line.metric)]
+    compared = [line.difference.p if line.difference is not None else math.nan for line in tested]
+    corrected = benjamini_hochberg([*compared, *(line.p_presence for line in tested)])
+    p = dict(zip(map(id, tested), corrected[: len(tested)], strict=True))
+    q = dict(zip(map(id, tested), corrected[len(tested) :], strict=True))
+    return [
+        replace(
+            line,
+            is_primary=id(line) in p,
+            p_adjusted=p.get(id(line), math.nan),
+            p_presence=q.get(id(line), math.nan),
         )
+        for line in lines
     ]
-    metric = ""
-    for line in lines:
-        if line.metric != metric:
-            metric = line.metric
-            rows.append((with_unit(metric, units or {}),))
-        rows.append(_cells(line, interval_text, (never or {}).get(metric, NEVER)))
-    return rows
 
 
-def comparison_table(
-    lines: Sequence[ComparisonLine],
-    units: Mapping[str, str] | None = None,
-    never: Mapping[str, str] | None = None,
-) -> str:
-    """The table for a terminal; ``units`` are those of the metrics."""
-    shorter = {"interval of mean": "±", "interval of difference": "±"}
-    rows = comparison_rows(lines, units, never, half_width)
-    rows[0] = tuple(shorter.get(title, title) for title in rows[0])
-    return table(rows, range(1, len(rows[0])), indent="")
-
-
-def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
-    """Explanations of the table's columns, as far as they are needed."""
-    if all(line.own.is_same or line.is_removed for line in lines):
-        return f"Differences are to the baseline. {SAME}: {SAME_RUNS}."
-    notes = [
-        f"±: 95 % interval, {TESTS[test]}. Differences are to the baseline on the same seed.",
-        f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons.",
-    ]
-    verdicts = {line.verdict for line in lines}
-    if any(line.own.is_same for line in lines):
-        notes.append(f"{SAME}: {SAME_RUNS}.")
-    if any(line.own.n < line.runs and not line.own.is_same for line in lines):
-        notes.append(
-            "n/N: n of N seeds have a value (of a difference: both); means are over those."
-        )
-    if any(line.own.never for line in lines):
-        notes.append("Infinite values (never ...) count as worse than any other: sign test.")
-    if TOO_FEW in verdicts:
-        needed = max(line.needed for line in lines if line.verdict == TOO_FEW)
-        notes.append(f"{too_few(needed)}.")
-    if any(line.has_significant_presence for line in lines):
-        notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
-    if any(line.is_removed for line in lines):
-        notes.append("removed: what the metric measures was removed.")
-    return "\n".join(notes)
-
-
-def _cells(
-    line: ComparisonLine, interval_text: Callable[[Estimate, str], str], never: str
-) -> tuple[str, ...]:
-    cells = [f"  {line.variant}", seeds_of(line.own, line.runs)]
-    cells += [number(line.own.mean) if line.own.n or not line.own.never else never]
-    cells += [interval_text(line.own, "")]
-    difference = line.difference
-    if difference is None:
-        return (*cells, "", "", line.verdict)
-    mean = number(difference.mean, "+")
-    if 0 < difference.n < line.runs and not difference.is_same:
-        mean += f" ({difference.n}/{line.runs})"
-    return (*cells, mean, interval_text(difference, "+"), line.verdict)
+def _line(
+    metric: str,
+    setting: str,
+    variants: Mapping[str, Sample],
+    variant: str,
+    reference: str | None,
+    questions: Questions,
+) -> ComparisonLine:
+    sample, ends = variants[variant], questions.ends.get(metric, ANY)
+    own = estimate([v for v in sample.values if v is not None], ends, sample.is_same)
+    line = ComparisonLine(
+        *(variant, metric, len(sample.values), own),
+        setting=setting,
+        reference=reference,
+        failed=sample.failed,
+        is_removed=sample.is_removed,
+    )
+    if reference is None or sample.is_removed or variants[reference].is_removed:
+        return line
+    base = variants[reference]
+    compared = difference(
+        *(sample.values, base.values, questions.test),
+        is_same=sample.is_same and base.is_same,
+        is_skewed=True if metric in questions.never else None,
+        margin=questions.margin(metric, estimate([v for v in base.values if v is not None])),
+    )
+    # Where both lack the same values there is nothing to test.
+    differs = [a is None for a in sample.values] != [b is None for b in base.values]
+    presence = mcnemar_test(sample.values, base.values) if differs else math.nan
+    return replace(line, difference=compared, p_presence=presence)

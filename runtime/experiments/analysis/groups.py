@@ -20,7 +20,6 @@ from runtime.experiments.analysis.statistics import (
     ANY,
     Ends,
     Estimate,
-    Test,
     estimate,
     is_same_run,
 )
@@ -40,11 +39,11 @@ class TrialGroup:
     cells: tuple[str, ...]
     rows: tuple[Row, ...]
 
-    def estimate(self, column: int, ends: Ends = ANY, test: Test = "t") -> Estimate:
+    def estimate(self, column: int, ends: Ends = ANY) -> Estimate:
         """The mean of a metric over the seeds that have a value."""
         values = (row.metrics[column] for row in self.rows)
         known = [value for value in values if value is not None]
-        return estimate(known, test, ends, is_same(self.rows, column))
+        return estimate(known, ends, is_same(self.rows, column))
 
 
 def is_same(rows: Sequence[Row], column: int) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,16 @@ from runtime.document import flow_yaml, from_python, parse_yaml
 from runtime.errors import Problems, UsageError
 from runtime.experiments.analysis.groups import TrialGroup, gather
 from runtime.experiments.analysis.statistics import ANY, Ends, Estimate
-from runtime.experiments.design import Factor, Objective, Range, parse_factor, parse_seeds
-from runtime.experiments.execution import INDEX, Columns, read_plan, read_rows
+from runtime.experiments.design import (
+    BASELINE,
+    Factor,
+    Objective,
+    Range,
+    parse_factor,
+    parse_seeds,
+    value_label,
+)
+from runtime.experiments.execution import INDEX, VARIANT, Columns, read_plan, read_rows
 from runtime.terminal import with_unit
 
 MOST = 4000
@@ -62,6 +70,23 @@ class SweepData:
     objective: Objective | None
     skipped: int
 
+    @property
+    def by_variant(self) -> dict[str, SweepData]:
+        """Each variant's part, with the factors as its axes; all under '' if nothing is crossed."""
+        if len(self.axes) < 2 or self.axes[0].path != VARIANT:
+            return {"": self}
+        first, *rest = self.axes
+        parts = {}
+        for i, name in enumerate(first.names):
+            own = first.positions == i
+            metrics = {
+                metric: [each for each, is_own in zip(estimates, own, strict=True) if is_own]
+                for metric, estimates in self.metrics.items()
+            }
+            axes = tuple(replace(axis, positions=axis.positions[own]) for axis in rest)
+            parts[name] = replace(self, axes=axes, metrics=metrics)
+        return parts
+
     def label(self, metric: str) -> str:
         """A metric with its unit."""
         return with_unit(metric, self.units)
@@ -96,10 +121,13 @@ def read_sweep(folder: Path) -> SweepData:
     plan = read_plan(folder)
     problems = Problems()
     vary = from_python(plan.get("vary", {}))
-    factors = [parse_factor(path, node, path, problems) for path, node in vary.items()]
+    names = (BASELINE, *plan["variants"]) if plan.get("variants") else ()
+    factors = [Factor(VARIANT, names)] * bool(names) + [
+        parse_factor(path, node, path, problems) for path, node in vary.items()
+    ]
     seeds = parse_seeds(from_python(plan.get("seeds")), "seeds", problems)
-    if plan.get("kind") != "sweep" or problems.items or seeds is None:
-        raise UsageError(f"cannot read the sweep in '{folder}'")
+    if plan.get("kind") not in ("sweep", "ablation") or problems.items or seeds is None:
+        raise UsageError(f"cannot read the {plan.get('kind')} in '{folder}'")
     parsed = [factor for factor in factors if factor is not None]
     metrics = tuple(map(str, plan.get("metrics", ())))
     columns = Columns(tuple(factor.path for factor in parsed), metrics)
@@ -142,6 +170,11 @@ def _thin_out(groups: Iterable[TrialGroup]) -> tuple[list[TrialGroup], int]:
 
 
 def _axis(factor: Factor, cells: list[str]) -> Axis:
+    if factor.path == VARIANT:
+        names = [str(name) for name in factor.values]
+        return Axis(
+            VARIANT, np.array([names.index(cell) for cell in cells], float), tuple(names), False
+        )
     values = [parse_yaml(cell, factor.path).plain() for cell in cells]
     if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
         is_log = isinstance(factor, Range) and factor.scale == "log"
@@ -151,7 +184,8 @@ def _axis(factor: Factor, cells: list[str]) -> Axis:
     # In the order given; a sampled sweep may have them in another order.
     names = [flow_yaml(value) for value in factor.values] or sorted(set(cells))
     order = {name: i for i, name in enumerate(dict.fromkeys([*names, *cells]))}
-    return Axis(factor.path, np.array([order[cell] for cell in cells], float), tuple(order), False)
+    places = np.array([order[cell] for cell in cells], float)
+    return Axis(factor.path, places, tuple(map(value_label, order)), False)
 
 
 def spread(estimate: Estimate) -> tuple[float, float]:

@@ -3,14 +3,14 @@
 In: the folder of a sweep. Out: figures by name::
 
     vary {a: 0..1:5}               ->  "curves", a panel per metric
+    the same with variants         ->  "curves", with a curve for each variant
     vary {a: 0..1:5, b: [1, 2]}    ->  "maps"
     vary {a: .., b: .., c: ..}     ->  "parallel_error", a figure per metric
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +28,10 @@ from runtime.experiments.analysis.figures import MARK, WIDTH, beyond, panels
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.analysis.words import NEVER, SAME, mean_of
 from runtime.experiments.design import Objective
-from runtime.plots import COLOURS, GREY, STYLE
+from runtime.plots import COLOURS, GREY, LINESTYLES, STYLE
 
 COLUMNS = 2
+MARKERS = "os^Dv<>P*X"
 MAP = "viridis"
 FEW_CELLS = 60  # up to this many, a heat map shows its numbers
 MANY_TICKS = 12
@@ -54,25 +55,51 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
     ]
     if not shown or not data.axes or not len(data.axes[0].positions):
         return
+    parts = data.by_variant
+    axes = len(next(iter(parts.values())).axes)
     with matplotlib.rc_context(STYLE):
-        if len(data.axes) == 1:
-            yield "curves", _panels(data, shown, _curve)
-        elif len(data.axes) == 2:
-            painter = _heat if data.method == "grid" else _scatter
-            yield "maps", _panels(data, shown, painter)
+        if axes == 1:
+            yield "curves", _curves(data, parts, shown)
+        elif axes == 2:
+            yield "maps", _maps(data, parts, shown)
         else:
             for metric in shown:
                 yield f"parallel_{metric}", _parallel(data, metric)
 
 
-def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
-    """One axes per metric."""
-    title = _title(data, metrics)
-    figure, grid = panels(len(metrics), title, columns=COLUMNS, height=3.0)
+def _curves(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str]) -> Figure:
+    """An axes per metric, with a curve for each variant."""
+    figure, grid = panels(len(metrics), _title(data, metrics), columns=COLUMNS, height=3.0)
     for axes, metric in zip(grid, metrics, strict=True):
         axes.set_title(data.label(metric))
-        painter(figure, axes, data, metric)
+        for i, (name, part) in enumerate(parts.items()):
+            curve(axes, part, metric, variant_style(i) | {"label": name or None})
+    if len(parts) > 1:
+        handles, labels = grid[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)))
     return figure
+
+
+def _maps(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str]) -> Figure:
+    """An axes per metric and variant, all of a metric with the same colours."""
+    title = _title(data, metrics)
+    columns = COLUMNS if len(parts) == 1 else min(len(parts), 3)
+    figure, grid = panels(len(metrics) * len(parts), title, columns=columns, height=3.0)
+    places = iter(grid)
+    for metric in metrics:
+        scale = Normalize(*_range(data.means(metric)[np.isfinite(data.means(metric))]))
+        for name, part in parts.items():
+            axes = next(places)
+            axes.set_title(", ".join(filter(None, (data.label(metric), name))))
+            (_heat if data.method == "grid" else _scatter)(figure, axes, part, metric, scale)
+    return figure
+
+
+def variant_style(i: int) -> dict[str, Any]:
+    """The colour, mark and dashes of a variant, which tell it from others in print, too."""
+    turn = i // len(COLOURS) % len(LINESTYLES)
+    marker = MARKERS[i % len(MARKERS)]
+    return {"color": COLOURS[i % len(COLOURS)], "marker": marker, "linestyle": LINESTYLES[turn]}
 
 
 def _title(data: SweepData, metrics: list[str]) -> str:
@@ -89,7 +116,7 @@ def _title(data: SweepData, metrics: list[str]) -> str:
     return f"{data.name}  ·  {len(data.axes[0].positions)} configurations, {over}{left}"
 
 
-def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
+def curve(axes: Axes, data: SweepData, metric: str, look: dict[str, Any]) -> None:
     """The means along a factor, with their intervals."""
     axis = data.axes[0]
     order = np.argsort(axis.positions, kind="stable")
@@ -97,15 +124,14 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     x = axis.positions[order]
     mean = np.array([estimate.mean for estimate in estimates])
     ends = np.array([spread(estimate) for estimate in estimates])
-    colour = COLOURS[0]
     if axis.names or len(x) <= CROWD:
         bars = np.abs(ends - mean[:, None]).T
-        line_style = "none" if axis.names else "-"
-        look: dict[str, Any] = {"color": colour, "markersize": 4.0, "linestyle": line_style}
-        axes.errorbar(x, mean, yerr=bars, marker="o", capsize=2.5, **look)
+        look = look | {"markersize": 4.0} | ({"linestyle": "none"} if axis.names else {})
+        axes.errorbar(x, mean, yerr=bars, capsize=2.5, **look)
     else:
-        axes.fill_between(x, ends[:, 0], ends[:, 1], color=colour, alpha=0.2, linewidth=0.0)
-        axes.plot(x, mean, color=colour)
+        look = {key: value for key, value in look.items() if key != "marker"}
+        axes.fill_between(x, *ends.T, color=look["color"], alpha=0.2, linewidth=0.0)
+        axes.plot(x, mean, **look)
         some = data.is_partial(metric)[order]
         axes.plot(x[some], mean[some], ".", color=MARK, markersize=3.0)
     # The axis covers all configurations, also those without a value.
@@ -146,7 +172,7 @@ def _name_ticks(axes: Axes, side: str, ticks: Sequence[int], names: Sequence[str
     (axes.set_xticks if side == "x" else axes.set_yticks)(ticks, names, **how)
 
 
-def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
+def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: Normalize) -> None:
     """The means over two factors; each cell is a configuration."""
     first, second = data.axes
     columns, rows = first.distinct, second.distinct
@@ -155,7 +181,7 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     grid[at] = data.means(metric)
     axes.grid(False)
     colours = matplotlib.colormaps[MAP].with_extremes(bad="0.85")
-    image = axes.imshow(grid, origin="lower", aspect="auto", cmap=colours)
+    image = axes.imshow(grid, origin="lower", aspect="auto", cmap=colours, norm=scale)
     figure.colorbar(image, ax=axes, pad=0.01, aspect=18)
     for axis, positions, side in ((first, columns, "x"), (second, rows, "y")):
         names = [axis.names[int(p)] if axis.names else f"{p:.4g}" for p in positions]
@@ -171,15 +197,16 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
             data.seeds if estimate.n and estimate.is_over(data.seeds) else estimate.n
             for estimate in data.metrics[metric]
         ]
-        _numbers(axes, grid, seeds, data.seeds)
+        _numbers(axes, grid, seeds, data.seeds, scale)
     else:
         axes.plot(*np.argwhere(partial)[:, ::-1].T, ".", color=MARK, markersize=3.0)
 
 
-def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -> None:
+def _numbers(
+    axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int, scale: Normalize
+) -> None:
     """Write each cell's mean, and the number of seeds if it is not all of them."""
-    finite = grid[np.isfinite(grid)]
-    middle = 0.5 * (finite.min(initial=math.inf) + finite.max(initial=-math.inf))
+    middle = 0.5 * (float(scale.vmin or 0.0) + float(scale.vmax or 0.0))
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0}
     for (row, column), value in np.ndenumerate(grid):
         if np.isfinite(value):
@@ -191,7 +218,7 @@ def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -
             axes.text(column, row - 0.3, f"{seeds[row, column]}/{most}", color=GREY, **look)
 
 
-def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
+def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: Normalize) -> None:
     """Samples of two factors, coloured by the mean; hollow where no trial has a value."""
     first, second = data.axes
     means = data.means(metric)
@@ -204,7 +231,7 @@ def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     axes.scatter(first.positions[none], second.positions[none], **look, **hollow)
     if infinite.any():
         axes.scatter(first.positions[infinite], second.positions[infinite], **look, **cross)
-    look |= {"c": means[finite], "cmap": MAP}
+    look |= {"c": means[finite], "cmap": MAP, "norm": scale}
     edges = [MARK if some else "none" for some in data.is_partial(metric)[finite]]
     points = axes.scatter(
         first.positions[finite], second.positions[finite], edgecolors=edges, **look

@@ -9,14 +9,18 @@ In: an :class:`Estimate`. Out: a string for a cell::
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from runtime.experiments.analysis.statistics import Estimate, fewest
+from runtime.experiments.analysis.statistics import Estimate, PairedDifference, fewest
 from runtime.terminal import number
 
 SAME = "n = 1"
 SAME_RUNS = "the seed changes nothing, so that all runs are one: no interval, no test"
 TOO_FEW = "too few seeds"
 NEVER = "never"
+FAILED = "failed"
+EQUAL = "equal"
+NEGLIGIBLE = "negligible"
 
 
 def too_few(needed: int | None = None) -> str:
@@ -64,3 +68,15 @@ def half_width(estimate: Estimate, sign: str = "") -> str:
     if abs(0.5 * (estimate.low + estimate.high) - estimate.mean) > 1e-6 * half:
         return interval(estimate, sign)
     return f"{half:.2g}"
+
+
+def apart(
+    difference: PairedDifference, interval_text: Callable[[Estimate, str], str] = interval
+) -> tuple[str, str]:
+    """A difference and its interval; that of a ratio in percent."""
+    if difference.scale != "log ranks" or math.isnan(difference.mean):
+        return number(difference.mean, "+"), interval_text(difference, "+")
+    middle, low, high = (
+        f"{100.0 * each:+.3g} %" for each in (difference.mean, difference.low, difference.high)
+    )
+    return middle, "-" if math.isnan(difference.low) else f"[{low}, {high}]".replace(" %,", ",")

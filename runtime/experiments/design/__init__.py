@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         is_experiment,
         read_experiment,
     )
-    from runtime.experiments.design.factors import Factor, Range, parse_factor
+    from runtime.experiments.design.factors import Factor, Range, parse_factor, value_label
     from runtime.experiments.design.measurements import Measurement, parse_measurement
     from runtime.experiments.design.objective import Constraint, Objective
     from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from runtime.experiments.design.variants import (
         BASELINE,
         GraphVariant,
+        check_contrasts,
         check_variants,
         group_changes,
         removals,
@@ -60,6 +61,7 @@ __all__ = [
     "SeedList",
     "Seeds",
     "TuningSettings",
+    "check_contrasts",
     "check_design",
     "check_experiment",
     "check_paths",
@@ -74,4 +76,5 @@ __all__ = [
     "removals",
     "slugs",
     "tuning_of",
+    "value_label",
 ]

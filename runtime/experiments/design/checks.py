@@ -18,7 +18,6 @@ from runtime.document import Node, full_path
 from runtime.errors import GraphError, Problems, UsageError, Where
 from runtime.experiments.design.factors import Factor
 from runtime.experiments.design.sampling import Design
-from runtime.experiments.design.seeds import Seeds
 from runtime.graph import Graph
 
 
@@ -63,15 +62,13 @@ def own_value(graph: Graph, path: str) -> object:
     return value.tolist()[index] if value.ndim == 1 and 0 <= index < len(value) else None
 
 
-def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
+def check_design(graph: Graph, design: Design) -> None:
     """Check that a design can be run.
 
     Raises
     ------
-    UsageError : there is nothing to vary, a factor is duplicated, or a range has no steps.
+    UsageError : there is nothing to sample, a factor is duplicated, or a range has no steps.
     """
-    if not design.factors and len(seeds) < 2:
-        raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or more --seeds")
     if not design.factors and design.method != "grid":
         raise UsageError(f"there is nothing to sample for --{design.method}; add --vary PATH=RANGE")
     check_paths(graph, design.factors)

@@ -26,6 +26,8 @@ from runtime.graph import Graph
 
 Sampler = Literal["tpe", "nsga2", "sobol", "random"]
 Over = Literal["mean", "worst"]
+# What an ablation asks of the results.
+QUESTION_KEYS = ("primary", "contrasts", "margin")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 TUNING_KEYS = (
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
@@ -50,6 +52,9 @@ class Entries:
     constraints : what must hold for the winner of a tuning.
     trials, sampler, batch, over, stop_early : how a tuning searches; see :class:`Tuning`.
     training, held_out : the runs of a tuning.
+    primary : metrics whose differences are tested, all if empty.
+    contrasts : variants that are compared with each other, besides with the baseline.
+    margins : the smallest differences that count, by metric; '' for all others.
     """
 
     seeds: Seeds | None = None
@@ -65,6 +70,9 @@ class Entries:
     stop_early: bool | None = None
     training: RunEntries = (None, ())
     held_out: RunEntries = (None, ())
+    primary: tuple[str, ...] = ()
+    contrasts: tuple[tuple[str, str], ...] = ()
+    margins: tuple[tuple[str, float | str], ...] = ()
 
     def overlay(self, other: Entries) -> Entries:
         """These entries with others over them: an entry of ``other`` replaces one of the same name.
@@ -120,6 +128,9 @@ def read_entries(
         stop_early=stop_early,
         training=reader.runs("training"),
         held_out=reader.runs("held_out"),
+        primary=tuple(reader.primary()),
+        contrasts=tuple(reader.contrasts()),
+        margins=tuple(reader.margins()),
     )
 
 
@@ -241,6 +252,43 @@ class _EntryReader:
         address = "constraints" if node.where.line else ""
         check_metric(self.graph, match["metric"], node.where, address, self.problems)
         return Constraint(match["metric"], "below" if match["side"] == "below" else "above", bound)
+
+    def primary(self) -> Iterator[str]:
+        node = self.document.get("primary")
+        for item in [] if node is None else node.value if node.is_list else [node]:
+            check_metric(self.graph, str(item.value), item.where, "primary", self.problems)
+            yield str(item.value)
+
+    def contrasts(self) -> Iterator[tuple[str, str]]:
+        node = self.document.get("contrasts")
+        for item in [] if node is None else node.value if node.is_list else [node]:
+            pair = item.plain()
+            if isinstance(pair, list) and len(pair) == 2 and all(isinstance(x, str) for x in pair):
+                yield pair[0], pair[1]
+            else:
+                message = f"expected two variants, as in [[PID, LQR]], got {item.describe()}"
+                self.refuse(item, "contrasts", message)
+
+    def margins(self) -> Iterator[tuple[str, float | str]]:
+        """Those of ``0.001``, ``5%``, ``{error: 0.001}``, or a list of ``error=0.001``."""
+        section = self.document.get("margin")
+        items = [] if section is None else section.value if section.is_list else [section]
+        for node in items:
+            for metric, item in node.items() if node.is_map else [("", node)]:
+                value = item.value
+                if isinstance(value, str) and "=" in value:
+                    metric, _, value = (text.strip() for text in value.partition("="))
+                try:
+                    number = float(str(value).removesuffix("%"))
+                except ValueError:
+                    number = -1.0
+                if isinstance(value, bool) or not 0.0 <= number < float("inf"):
+                    message = f"expected a difference as 0.001 or 5%, got {item.describe()}"
+                    self.refuse(item, "margin", message)
+                    continue
+                if metric:
+                    check_metric(self.graph, metric, item.where, "margin", self.problems)
+                yield metric, f"{number:g}%" if str(value).endswith("%") else number
 
     def runs(self, key: str) -> RunEntries:
         node = self.document.get(key)

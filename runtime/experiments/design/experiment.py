@@ -33,7 +33,14 @@ from runtime.errors import (
     UsageError,
     Where,
 )
-from runtime.experiments.design.entries import SWEEP_KEYS, TUNING_KEYS, Entries, read_entries
+from runtime.experiments.design.entries import (
+    QUESTION_KEYS,
+    SWEEP_KEYS,
+    TUNING_KEYS,
+    Entries,
+    read_entries,
+)
+from runtime.experiments.design.factors import plain_value
 from runtime.experiments.design.measurements import KEYS as DATA_KEYS
 from runtime.experiments.design.measurements import Measurement, read_measurements
 from runtime.experiments.design.objective import Objective
@@ -52,9 +59,20 @@ PLAN_KEYS = (
 )
 KEYS = (
     *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", "data"),
+    *QUESTION_KEYS,
     *(*TUNING_KEYS, *PLAN_KEYS),
 )
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
+# What uses each section that not all do; elsewhere it would change nothing without a word.
+_COMPARING = ("sweep", "ablation")
+USED_BY = {
+    "vary": ("sweep", "ablation", "tuning", "fit"),
+    **dict.fromkeys(("random", "sobol", "variants", *QUESTION_KEYS), _COMPARING),
+    **dict.fromkeys(("sampling_seed", "minimize", "maximize"), (*_COMPARING, "tuning")),
+    **dict.fromkeys(TUNING_KEYS, ("tuning",)),
+    "data": ("fit",),
+}
+VERBS = {"sweep": "sweep", "ablation": "ablate", "tuning": "tune", "fit": "fit"}
 Change = Callable[[Graph], Graph]
 
 
@@ -62,7 +80,8 @@ Change = Callable[[Graph], Graph]
 class Experiment:
     """What to run: a graph, what is varied in it, and ``variants`` of it; ``path`` is its file.
 
-    ``data`` is what was measured, which a fit compares the graph with.
+    ``data`` is what was measured, which a fit compares the graph with; ``sections`` are the keys
+    that the file has, with their positions.
     """
 
     name: str
@@ -71,6 +90,23 @@ class Experiment:
     variants: tuple[GraphVariant, ...] = ()
     path: Path | None = None
     data: tuple[Measurement, ...] = ()
+    sections: Mapping[str, Where] = field(default_factory=dict)
+
+    def check_used(self, kind: str) -> None:
+        """Check that a sweep, an ablation, a tuning or a fit uses every section of the file.
+
+        Raises
+        ------
+        GraphError : it does not use one.
+        """
+        problems = Problems()
+        for key, where in self.sections.items():
+            users = USED_BY.get(key, (kind,))
+            if kind not in users:
+                others = " and ".join(f"'runtime {VERBS[user]}'" for user in users)
+                message = f"'runtime {VERBS[kind]}' does not use it, but {others}; "
+                problems.add(where, key, f"{message}move it to a file of its own")
+        problems.raise_any()
 
     @property
     def seeds(self) -> Seeds | None:
@@ -203,6 +239,7 @@ class _ExperimentReader:
             ),
             variants=tuple(self.variants(graph)),
             data=tuple(self.measurements(graph)),
+            sections={key: node.key for key, node in document.items()},
         )
         problems.raise_any()
         return experiment
@@ -244,7 +281,7 @@ class _ExperimentReader:
                 message = f"expected a mapping, as in {kind}: {{lqr.q: ...}}, got {node.describe()}"
                 self.problems.add(node.where, address, message)
             for key, item in node.items():
-                value, origin = item.plain(), str(item.where)
+                value, origin = plain_value(item, f"{address}.{key}"), str(item.where)
                 if kind == "replace":
                     value = self.type_name(item, f"{address}.{key}")
                 elif key == "world" and isinstance(value, str):

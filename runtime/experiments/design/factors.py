@@ -3,6 +3,7 @@
 In: what stands after ``vary: path``. Out: :class:`Factor` or :class:`Range`::
 
     [1, 2, 3]           ->  three values
+    [{type: LQR}, {graph: pid.yaml}]  ->  two blocks, each in place of what is there
     0.1..0.9:5          ->  0.1, 0.3, 0.5, 0.7, 0.9
     log(1e-5..1e-2)     ->  any value between, for samples: the logarithm is uniform
     int(1..9):3         ->  1, 5, 9
@@ -13,11 +14,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from blocks.core import show
-from runtime.document import Node, flow_yaml, parse_scalar
-from runtime.errors import Problems
+from runtime.document import Node, find_file, flow_yaml, parse_scalar, parse_yaml, read_graph
+from runtime.errors import GraphError, Problems
 
 _RANGE = re.compile(
     r"(?:(?P<scale>log|int)\(\s*(?P<inner>[^()]*)\)|(?P<plain>[^():]*))(?::\s*(?P<count>[0-9]{1,9}))?"
@@ -114,7 +116,11 @@ def parse_factor(path: str, node: Node, address: str, problems: Problems) -> Fac
     """The factor that an entry of ``vary`` describes; None and a problem if it is invalid."""
     message: str | Factor = f"{EXPECTED}, got {node.describe()}"
     if node.is_list:
-        message = _choice(path, node)
+        try:
+            message = _choice(path, node, address)
+        except GraphError as error:
+            problems.items += error.problems
+            return None
     elif isinstance(node.value, str):
         message = _range(path, node.value)
     if isinstance(message, Factor):
@@ -123,8 +129,35 @@ def parse_factor(path: str, node: Node, address: str, problems: Problems) -> Fac
     return None
 
 
-def _choice(path: str, node: Node) -> Factor | str:
-    values = node.plain()
+def plain_value(node: Node, address: str) -> Any:
+    """What is written, a part that it names in full: a worker has only the text of a trial.
+
+    Raises
+    ------
+    GraphError : the part's file does not exist, or is wrong.
+    """
+    part = node.get("graph") if node.is_map else None
+    if part is None or not isinstance(part.value, str):
+        return node.plain()
+    file = find_file(part.value, (part.where, address), Path(part.where.file).parent)
+    document, _ = read_graph({"blocks": {"part": {**node.plain(), "graph": str(file.resolve())}}})
+    block = document.get("blocks")
+    return None if block is None else block.value["part"].plain()
+
+
+def value_label(text: str) -> str:
+    """A value, given as YAML, as tables and figures show it: of a block its type, or its part."""
+    if not text.startswith("{"):
+        return text
+    value = parse_yaml(text, "value").plain()
+    name = value.pop("part", None) or value.pop("type", None)
+    others = {k: v for k, v in value.items() if not isinstance(v, dict)}
+    rest = ", ".join(f"{key}={flow_yaml(v)}" for key, v in others.items())
+    return text if name is None else f"{name} ({rest})" if rest else str(name)
+
+
+def _choice(path: str, node: Node, address: str) -> Factor | str:
+    values = [plain_value(item, f"{address}[{i}]") for i, item in enumerate(node.value)]
     texts = [flow_yaml(value) for value in values]
     if not values:
         return f"an empty list; {EXPECTED}"

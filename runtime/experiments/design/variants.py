@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from blocks.core import hint
 from runtime.errors import GraphError, UsageError
 from runtime.files import slug
 from runtime.graph import Graph
@@ -75,6 +76,20 @@ def check_variants(variants: Sequence[GraphVariant]) -> None:
             variant.graph.check()
         except GraphError as error:
             raise UsageError(f"variant '{name}' cannot run:\n{error}") from None
+
+
+def check_contrasts(contrasts: Iterable[tuple[str, str]], variants: Sequence[GraphVariant]) -> None:
+    """Check that the variants that are compared with each other exist.
+
+    Raises
+    ------
+    UsageError : one does not.
+    """
+    names = [BASELINE, *(variant.name for variant in variants)]
+    for name in (name for pair in contrasts for name in pair):
+        if name not in names:
+            known = hint(name, names) or f"; there are {', '.join(names)}"
+            raise UsageError(f"contrasts: there is no variant '{name}'{known}")
 
 
 def removals(graph: Graph) -> tuple[list[GraphVariant], dict[str, str]]:

@@ -4,6 +4,7 @@ In: an experiment with all that a command adds. Out: :class:`ExperimentPlan`, wh
 be sent to any process, and whose ``digest`` is equal where all numbers are::
 
     {graph: G, vary: {a: [1, 2]}, seeds: 0..2}  ->  6 trials: a=1 with seeds 0, 1, 2, then a=2
+    the same with variants: {soft: ...}         ->  12: those of the baseline, then those of soft
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -26,6 +27,7 @@ from runtime.experiments.design import (
     GraphVariant,
     Objective,
     Seeds,
+    check_contrasts,
     check_design,
     check_variants,
     removals,
@@ -36,7 +38,7 @@ from runtime.experiments.execution.trials import (
     Configuration,
     GraphBundle,
     Trial,
-    sweep_configurations,
+    configurations_of,
     trials_of,
 )
 from runtime.graph import Graph
@@ -44,6 +46,7 @@ from runtime.graph import Graph
 # 1: the number of trials was called points, and the origin of a plan made.
 SCHEMA_VERSION = 2
 GRAPH, INDEX, VARIANTS = "graph.resolved.yaml", "index.csv", "variants"
+VARIANT = "variant"  # the column of their names
 Kind = Literal["sweep", "ablation", "tuning"]
 Note = Callable[[str], None]
 # Six pairs are the fewest with which a sign test can be significant.
@@ -64,9 +67,12 @@ class VariantBundle:
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """All that the numbers of a sweep (``design``) or an ablation (``variants``) depend on.
+    """All that the numbers of a sweep or an ablation depend on.
 
-    ``essential`` are the blocks that an ablation cannot remove alone, with the reasons.
+    Each of ``variants``, the baseline first, runs with all values of ``design``; without variants
+    ``graph`` does. ``essential`` are the blocks that an ablation cannot remove alone, with the
+    reasons. ``primary``, ``contrasts`` and ``margins`` are what is asked of the results, as in
+    :class:`Questions`; no number depends on them.
     """
 
     kind: Kind
@@ -79,11 +85,24 @@ class ExperimentPlan:
     variants: tuple[VariantBundle, ...] = ()
     objective: Objective | None = None
     essential: Mapping[str, str] = field(default_factory=dict)
+    primary: tuple[str, ...] = ()
+    contrasts: tuple[tuple[str, str], ...] = ()
+    margins: Mapping[str, float | str] = field(default_factory=dict)
+
+    @property
+    def larger_is_better(self) -> set[str]:
+        """The metrics of which a failed run counts as the smallest value, not as the largest."""
+        metrics = self.graph.observation.metrics
+        return {m.name for m in metrics if m.options.get("above") is not None} | {
+            goal.metric
+            for goal in (self.objective,)
+            if goal is not None and goal.goal == "maximize"
+        }
 
     @property
     def columns(self) -> Columns:
-        factors = tuple(factor.path for factor in self.design.factors)
-        return Columns(factors if self.kind == "sweep" else ("variant",), self.metrics)
+        paths = tuple(factor.path for factor in self.design.factors)
+        return Columns((VARIANT, *paths) if self.variants else paths, self.metrics)
 
     @property
     def units(self) -> dict[str, str]:
@@ -103,15 +122,16 @@ class ExperimentPlan:
     @property
     def total(self) -> int:
         """The number of trials."""
-        configurations = len(self.design) if self.kind == "sweep" else len(self.variants)
-        return configurations * len(self.seeds)
+        return max(1, len(self.variants)) * len(self.design) * len(self.seeds)
 
     def configurations(self) -> Iterator[Configuration]:
-        """The configurations that are compared, one by one."""
-        if self.kind == "sweep":
-            paths = tuple(factor.path for factor in self.design.factors)
-            return sweep_configurations(self.bundle, paths, self.design)
-        return (Configuration(i, (v.name,), v.bundle) for i, v in enumerate(self.variants))
+        """The configurations that are compared, one by one: each variant with each value."""
+        paths = tuple(factor.path for factor in self.design.factors)
+        if not self.variants:
+            yield from configurations_of(self.bundle, paths, self.design)
+        for i, each in enumerate(self.variants):
+            first = i * len(self.design)
+            yield from configurations_of(each.bundle, paths, self.design, first, (each.name,))
 
     def trials(self) -> Iterator[Trial]:
         """All trials, in the order in which they are sent to workers."""
@@ -121,12 +141,12 @@ class ExperimentPlan:
     def specification(self) -> dict[str, Any]:
         """The plan as entries of an experiment file, without its graph."""
         entries: dict[str, Any] = {"seeds": str(self.seeds)}
-        if self.kind == "sweep":
+        if self.design.factors or not self.variants:
             entries["vary"] = {factor.path: factor.written for factor in self.design.factors}
-            if self.design.method != "grid":
-                entries[self.design.method] = self.design.samples
-                entries["sampling_seed"] = self.design.seed
-        else:
+        if self.design.method != "grid":
+            entries[self.design.method] = self.design.samples
+            entries["sampling_seed"] = self.design.seed
+        if self.variants:
             entries["variants"] = {
                 v.name: {"graph": f"{VARIANTS}/{v.slug}/{GRAPH}", "changes": [*v.changes]}
                 for v in self.variants
@@ -171,6 +191,15 @@ class ExperimentPlan:
             "graph": GRAPH,
             **self.specification,
             **goal,
+            **{
+                key: value
+                for key, value in (
+                    ("primary", list(self.primary)),
+                    ("contrasts", [list(pair) for pair in self.contrasts]),
+                    ("margin", dict(self.margins)),
+                )
+                if value
+            },
             "metrics": list(self.metrics),
             "units": self.units,
             "ends": {name: list(ends) for name, ends in self.ends.items()},
@@ -189,54 +218,66 @@ class ExperimentPlan:
 
 
 def sweep_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan:
-    """The plan of a sweep; ``note`` receives hints that would make it faster.
+    """The plan of a sweep: all values with every variant, the graph itself as the baseline.
 
     Raises
     ------
     UsageError : there is nothing to vary, or a factor or a column's name is there twice.
     """
-    graph, design = experiment.graph, experiment.design
-    own = graph.network.seed
+    own = experiment.graph.network.seed
     seeds = experiment.seeds or Seeds(((own, own),))
-    check_design(graph, design, seeds)
-    metrics = metrics_of(graph)
-    objective = experiment.objective
-    if objective is None and metrics:
-        objective = Objective(metrics[0])
-    engine = engine_for(graph, len(design) * len(seeds), note)
-    plan = ExperimentPlan(
-        *("sweep", experiment.name, graph, bundle_for(graph, engine), seeds, metrics, design),
-        objective=objective,
-    )
-    return checked_plan(plan)
+    if not (experiment.variants or experiment.design.factors) and len(seeds) < 2:
+        raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or more --seeds")
+    return _plan("sweep", experiment, seeds, list(experiment.variants), note)
 
 
 def ablation_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan:
     """The plan of an ablation; the baseline is its first variant.
 
-    Without variants, each block is removed in turn.
+    Without variants, each block is removed in turn. With factors, variants are compared at each
+    of their values.
 
     Raises
     ------
     UsageError : a variant cannot run, there is none, or there is no metric.
     """
-    graph, seeds = experiment.graph.check(), experiment.seeds or ABLATION_SEEDS
     variants, essential = list(experiment.variants), dict[str, str]()
-    if variants:
-        check_variants(variants)
-    else:
-        variants, essential = removals(graph)
+    if not variants:
+        variants, essential = removals(experiment.graph.check())
     if not variants:
         raise UsageError("no block of this graph can be removed alone; give variants")
-    metrics = metrics_of(graph)
-    if not metrics:
+    if not experiment.graph.observation.metrics:
         raise UsageError("the graph has no metrics to compare variants by; add 'metrics:'")
-    engine = engine_for(graph, (1 + len(variants)) * len(seeds), note)
-    bundles = bundles_of([GraphVariant(BASELINE, graph), *variants], engine)
+    plan = _plan("ablation", experiment, experiment.seeds or ABLATION_SEEDS, variants, note)
+    return replace(plan, essential=essential)
+
+
+def _plan(
+    kind: Literal["sweep", "ablation"],
+    experiment: Experiment,
+    seeds: Seeds,
+    variants: list[GraphVariant],
+    note: Note,
+) -> ExperimentPlan:
+    """The plan of every variant with every value; ``note`` receives hints to make it faster."""
+    experiment.check_used(kind)
+    graph, design, entries = experiment.graph.check(), experiment.design, experiment.entries
+    check_contrasts(entries.contrasts, variants)
+    check_design(graph, design)
+    check_variants(variants)
+    everything = [GraphVariant(BASELINE, graph), *variants] if variants else []
+    runs = max(1, len(everything)) * len(design) * len(seeds)
+    engine = engine_for(graph, runs, note)
+    bundles = bundles_of(everything, engine)
+    bundle = bundles[0].bundle if bundles else bundle_for(graph, engine)
+    metrics = metrics_of(graph)
+    default = Objective(metrics[0]) if metrics and kind == "sweep" else None
     plan = ExperimentPlan(
-        *("ablation", experiment.name, graph, bundles[0].bundle, seeds, metrics, Design(())),
-        variants=bundles,
-        essential=essential,
+        *(kind, experiment.name, graph, bundle, seeds, metrics, design, bundles),
+        objective=experiment.objective or default,
+        primary=entries.primary,
+        contrasts=entries.contrasts,
+        margins=dict(entries.margins),
     )
     return checked_plan(plan)
 

@@ -60,7 +60,7 @@ class GraphBundle:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A graph with a value for each factor, or a variant of an ablation.
+    """A variant of a graph with a value for each factor.
 
     Parameters
     ----------
@@ -93,10 +93,15 @@ def trials_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator
             yield Trial(configuration.number * len(seeds) + i, configuration, seed)
 
 
-def sweep_configurations(
-    bundle: GraphBundle, paths: tuple[str, ...], design: Iterable[tuple[Any, ...]]
+def configurations_of(
+    bundle: GraphBundle,
+    paths: tuple[str, ...],
+    design: Iterable[tuple[Any, ...]],
+    first: int = 0,
+    variant: tuple[str, ...] = (),
 ) -> Iterator[Configuration]:
-    """The configurations of a sweep."""
-    for number, values in enumerate(design):
+    """A graph with each combination of values, numbered from ``first``."""
+    for number, values in enumerate(design, first):
         cells = tuple(map(flow_yaml, values))
-        yield Configuration(number, cells, bundle, tuple(zip(paths, cells, strict=True)))
+        edits = tuple(zip(paths, cells, strict=True))
+        yield Configuration(number, (*variant, *cells), bundle, edits)

@@ -169,7 +169,7 @@ def _handle_request(control: socket.socket, workers: set[int]) -> bool:
             control.sendall(REPORT.pack(0, error.errno or 0))
         else:
             if not pid:
-                _become_worker(*files, control)
+                _become_worker(files[0], files[1], control)
             workers.add(pid)
         for file in files:
             os.close(file)

@@ -15,11 +15,14 @@ from runtime.experiments.analysis import (
     NEVER,
     SAME,
     SAME_RUNS,
+    TESTS,
+    apart,
     is_significant,
     mean_of,
     number_or_none,
     too_few,
 )
+from runtime.experiments.design import TuningSettings
 from runtime.experiments.execution import write_checked
 from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
 from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
@@ -110,7 +113,8 @@ def summary(result: TuningResult) -> str:
             )
     lines += [f"  {note}" for note in edges(result)]
     if result.held_out:
-        lines += ["", table(_rows(result), right=range(2, 8)), "", _legend(judgements(result))]
+        lines += ["", table(_rows(result), right=range(2, 8)), ""]
+        lines += [_legend(judgements(result), tuning)]
         worse = [str(one.number) for one in result.winners if one not in result.better]
         if not result.better:
             lines += ["", f"on the held-out runs, {NOTHING}"]
@@ -119,20 +123,21 @@ def summary(result: TuningResult) -> str:
     return "\n".join(lines)
 
 
-def _legend(lines: list[Judgement]) -> str:
+def _legend(lines: list[Judgement], tuning: TuningSettings) -> str:
     """Explanations of the table, as far as they are needed."""
     evaluations = [evaluation for line in lines for evaluation in (line.training, line.held_out)]
     differences = [
         evaluation.difference for evaluation in evaluations if evaluation.difference is not None
     ]
-    notes = ["mean over all runs; difference from the graph's own values on the same runs"]
+    units = "conditions" if len(tuning.held_out.conditions) > 1 else "seeds"
+    notes = [f"mean over the {units}; difference from the graph's own values on the same runs"]
     if any(not difference.is_same for difference in differences):
-        notes[0] += ", paired t, with 95 % intervals;\n* significant after Benjamini-Hochberg"
+        notes[0] += f",\n{TESTS['auto']}, with 95 % intervals;\n* significant after {CORRECTION}"
     notes[0] += ". optimism: training minus held-out."
     if any(evaluation.mean.is_same for evaluation in evaluations):
         notes.append(f"{SAME}: {SAME_RUNS}.")
     if any(evaluation.mean.never for evaluation in evaluations):
-        notes.append("Infinite values (never ...) count as worse than any other: sign test.")
+        notes.append("Infinite values (never ...) and failed runs count as worse than any value.")
     needed = {difference.needed for difference in differences if difference.is_too_small}
     if needed:
         notes.append(f"{FEW}: {too_few(max(needed))}.")
@@ -197,7 +202,7 @@ def _rows(result: TuningResult) -> list[list[str]]:
 
 
 def _mean(evaluation: Evaluation, never: str) -> str:
-    return mean_of(evaluation.mean, 1 if evaluation.mean.is_same else evaluation.runs, never)
+    return mean_of(evaluation.mean, 1 if evaluation.mean.is_same else evaluation.units, never)
 
 
 def _apart(evaluation: Evaluation) -> str:
@@ -208,9 +213,8 @@ def _apart(evaluation: Evaluation) -> str:
         return (
             f"({FEW})" if difference.is_too_small else "*" if is_significant(evaluation.p) else "-"
         )
-    text = number(difference.mean, "+")
-    if not math.isnan(difference.low):
-        text += f" [{number(difference.low, '+')}, {number(difference.high, '+')}]"
+    text, ends = apart(difference)
+    text += f" {ends}" * (ends != "-")
     if difference.is_too_small:
         return f"{text} ({FEW})"
     return text + ("*" if is_significant(evaluation.p) else "")

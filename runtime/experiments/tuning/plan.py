@@ -154,6 +154,7 @@ def tuning_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:
     UsageError : there is nothing to vary, or a factor or a column's name is there twice.
     MissingExtraError : optuna is not installed.
     """
+    experiment.check_used("tuning")
     graph, factors = experiment.graph, experiment.entries.factors
     tuning = tuning_of(experiment)
     if not factors:

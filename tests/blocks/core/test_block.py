@@ -100,6 +100,8 @@ def plain(value: Any) -> bool:
     """What YAML writes without tags."""
     if isinstance(value, list):
         return all(plain(item) for item in value)
+    if isinstance(value, dict):
+        return all(type(key) is str and plain(item) for key, item in value.items())
     return value is None or type(value) in (bool, int, float, str)
 
 

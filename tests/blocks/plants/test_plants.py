@@ -9,6 +9,8 @@ import pytest
 
 import blocks
 import runtime
+from blocks import Vector
+from blocks.core import BlockContext, ParameterError, started
 from tests.blocks.direct import state_of
 
 T = 0.01 * np.arange(500)
@@ -111,3 +113,80 @@ def test_torques_that_hold_an_arm_are_those_of_gravity(at: list[float]) -> None:
     tip = arm.output_tip(state, 0.0)
     expected = [np.cos(q1) + np.cos(q1 + q2), np.sin(q1) + np.sin(q1 + q2)]
     np.testing.assert_allclose(tip, expected)
+
+
+THREE = {"lengths": [0.6, 0.4, 0.3], "masses": [1.0, 2.0, 0.5]}
+
+
+def planar(**params: Any) -> tuple[Any, Any]:
+    """A PlanarArm and its state as after ``start``."""
+    arm = blocks.PlanarArm(**params)
+    n = len(params["lengths"])
+    kinds = {"torque": Vector(n), "angles": Vector(n), "rates": Vector(n), "force": Vector(2)}
+    return arm, started(arm, BlockContext(0.01, kinds))
+
+
+def test_two_links_are_the_two_link_arm() -> None:
+    """Whose equations are the textbook's, written out."""
+    params = {"lengths": [0.6, 0.4], "masses": [1.0, 2.0], "centers": [0.2, 0.3]}
+    params |= {"inertias": [0.05, 0.02], "friction": [0.3, 0.1]}
+    at = {"q0": [0.7, -1.1], "rates0": [2.0, -3.0]}
+    arm, state = planar(**params, **at)
+    other = blocks.TwoLinkArm(**params, **at)
+    theirs, torque = state_of(other), np.array([1.5, -0.4])
+    found = arm.derivative(state, 0.0, torque, np.zeros(2))
+    np.testing.assert_allclose(found, other.derivative(theirs, 0.0, torque), rtol=1e-12)
+    np.testing.assert_allclose(arm.output_tip(state, 0.0), other.output_tip(theirs, 0.0))
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_three_links_keep_their_energy(engine: str) -> None:
+    """Kinetic energy by the mass matrix, potential energy by the heights of the centers."""
+    graph = {
+        "run": {
+            **{"dt": 0.01, "until": 2.0, "engine": engine},
+            **{"solver": "dopri5", "rtol": 1e-11, "atol": 1e-11},
+        },
+        "blocks": {"arm": {"type": "PlanarArm", **THREE, "q0": [1.0, 0.5, -2.0]}},
+        "probes": {name: f"arm.{name}" for name in ("angles", "rates", "inertia")},
+    }
+    result = runtime.load(graph).run()
+    q, rates, inertia = (np.asarray(result[name]) for name in ("angles", "rates", "inertia"))
+    p, lengths, masses = np.cumsum(q, axis=1), np.array([0.6, 0.4, 0.3]), np.array([1.0, 2.0, 0.5])
+    ends = np.cumsum(lengths * np.sin(p), axis=1)
+    heights = ends - 0.5 * lengths * np.sin(p)
+    kinetic = 0.5 * np.einsum("ti,tij,tj->t", rates, inertia.reshape(-1, 3, 3), rates)
+    energy = kinetic + 9.81 * heights @ masses
+    assert np.ptp(kinetic) > 5.0
+    np.testing.assert_allclose(energy, energy[0], atol=1e-6)
+
+
+def test_the_jacobian_is_the_slope_of_the_tip() -> None:
+    q, rates = np.array([0.4, 1.2, -0.7]), np.array([1.0, -2.0, 0.5])
+    arm, state = planar(**THREE, q0=q.tolist(), rates0=rates.tolist())
+    jacobian = arm.output_jacobian(state, 0.0).reshape(2, 3)
+    for joint in range(3):
+        sides = []
+        for step in (1e-6, -1e-6):
+            moved = q + step * np.eye(3)[joint]
+            sides.append(np.array(arm.output_tip(planar(**THREE, q0=moved.tolist())[1], 0.0)))
+        np.testing.assert_allclose(jacobian[:, joint], (sides[0] - sides[1]) / 2e-6, atol=1e-9)
+    np.testing.assert_allclose(arm.output_velocity(state, 0.0), jacobian @ rates, rtol=1e-12)
+
+
+def test_torques_balance_a_force_at_the_tip_by_the_jacobian() -> None:
+    arm, state = planar(**THREE, q0=[0.4, 1.2, -0.7], gravity=0.0)
+    force = np.array([3.0, -5.0])
+    torque = -arm.output_jacobian(state, 0.0).reshape(2, 3).T @ force
+    np.testing.assert_allclose(arm.derivative(state, 0.0, torque, force), 0.0, atol=1e-12)
+
+
+def test_one_link_is_a_physical_pendulum() -> None:
+    arm, state = planar(lengths=[0.8], masses=[2.0], q0=[0.3])
+    found = arm.derivative(state, 0.0, np.zeros(1), np.zeros(2))
+    np.testing.assert_allclose(found, [0.0, -1.5 * 9.81 / 0.8 * np.cos(0.3)], rtol=1e-12)
+
+
+def test_each_list_of_an_arm_has_a_number_per_link() -> None:
+    with pytest.raises(ParameterError, match="masses: expected 3 numbers, one per li"):
+        blocks.PlanarArm(lengths=[1, 1, 1], masses=[1, 1])

@@ -108,7 +108,7 @@ def test_blocks_are_listed_by_family_and_found_by_a_word(cli: Run) -> None:
     assert "UnitDelay" in found
     assert "LinePath" not in found
     assert cli("blocks", "--search", "zzzz").stderr == (
-        "no block type has 'zzzz' in its name or description\n"
+        "nothing has 'zzzz' in its name or description\n"
     )
 
 
@@ -291,4 +291,5 @@ def test_a_part_in_place_of_a_graph_is_one_problem(cli: Run) -> None:
     done = cli("run", "parts/adaptive_snn")
     assert done.returncode == 2
     (line,) = [line for line in done.stderr.splitlines() if ".yaml:" in line]
-    assert line.endswith("a part runs inside a graph: {name: {graph: FILE}}")
+    assert "speed_input, speed_error, turn_input, turn_error have no defaults" in line
+    assert line.endswith("{name: {graph: FILE}}, needs none")

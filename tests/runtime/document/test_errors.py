@@ -270,7 +270,8 @@ CASES = {
     ],
     "inputs outside a part": [
         ("pose: plant.pose, path", "pose: inputs.pose, path"),
-        "g.yaml:11:17: wires.match.pose: only a part has 'inputs'; expected block.output",
+        "g.yaml:11:17: wires.match.pose: 'inputs.pose' is not an input of this graph; its "
+        "inputs: none",
     ],
     "wire of a number": [
         ("pose: plant.pose, path", "pose: 3, path"),
@@ -556,7 +557,8 @@ PARTS = {
     "inputs no mapping": [
         with_part(),
         changed(PART, ("{a: Twist, b: {type: Twist, optional: true}}", "[a, b]")),
-        "p.yaml:3:9: blocks.p.inputs: expected entries such as 'speed: Scalar', got ['a', 'b']",
+        "p.yaml:3:9: blocks.p.inputs: expected entries such as 'push: {type: Scalar, "
+        "default: 0.0}', got ['a', 'b']",
     ],
     "input's type": [
         with_part(),

@@ -46,7 +46,7 @@ ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = (0, 1, 2)
 # Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum", "MPC"}
+PYTHON_ONLY = {"MujocoVacuum", "MPC", "LinearMPC"}
 
 
 @dataclass(frozen=True)
@@ -131,6 +131,24 @@ def block_input(block: Block) -> str:
     return next(name for name, port in block.spec.inputs.items() if port.type == blocks.Same("T"))
 
 
+def some_stamps(draw: np.random.Generator) -> Any:
+    """Stamps that are new, old, too old, and of nothing yet."""
+    return tuple(draw.choice([-1.0, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3], 2).tolist())
+
+
+# Measurements with a rate and a delay, and with stamps, some of which are late.
+SEVERAL: dict[str, Any] = {
+    "transition": ["p + 0.1*v*cos(t)", "v - 0.2*sin(p) + 0.1*u[0]"],
+    "states": ["p", "v"],
+    "measurements": {
+        "slow": {"observation": "p", "R": 1, "dt": 0.04, "offset": 0.01, "delay": 0.03},
+        "two": {"observation": ["atan2(v, p)", "v"], "R": [[1, 0.1], [0.1, 2]], "angles": [0]},
+        "last": {"observation": "p*v", "R": 0.5},
+    },
+    "Q": [[0.1, 0], [0, 0.1]],
+    "x0": [1, 0.5],
+    "lag": 0.08,
+}
 WANDERING: dict[str, Draw] = {"pose": uniform(1.5, 1.5, 9.0)}
 PUSHING: dict[str, Draw] = {"command": seldom_new(uniform(3.0, 3.0))}
 TRACKING: dict[str, Draw] = {"error": normal(0.3, 0.3, 1.0), "reference": uniform(3.0, 3.0, 9.0)}
@@ -426,6 +444,31 @@ CASES: dict[str, list[Case]] = {
         ),
         Case(blocks.LinearQuadraticRegulator(**REQUIRED["LinearQuadraticRegulator"])),
     ],
+    "LinearL1": [
+        Case(blocks.LinearL1(**REQUIRED["LinearL1"])),
+        Case(
+            blocks.LinearL1(
+                A=[[0, 1], [2, 0]], B=[[1, 0], [0, 1]], x0=[1, 2], u0=[3, 4], limit=0.5, filter=20.0
+            ),
+            {"baseline": Vector(2)},
+        ),
+    ],
+    "LinearDisturbanceObserver": [
+        Case(blocks.LinearDisturbanceObserver(**REQUIRED["LinearDisturbanceObserver"])),
+        Case(
+            blocks.LinearDisturbanceObserver(
+                A=[[1, 0.1], [0, 1]],
+                B=[[0.1, 0], [0, 0.1]],
+                C=[[1, 0], [0, 1]],
+                Q=[0.1, 0.1],
+                R=[0.1, 0.2],
+                D=[0.1, 0.3],
+                x0=[1, 2],
+                u0=[3, 4],
+                initial=[0, 1],
+            )
+        ),
+    ],
     "SteadyStateKalman": [Case(blocks.SteadyStateKalman(**REQUIRED["SteadyStateKalman"]))],
     "DiscreteSteadyStateKalman": [
         Case(blocks.DiscreteSteadyStateKalman(**REQUIRED["DiscreteSteadyStateKalman"]))
@@ -443,8 +486,8 @@ CASES: dict[str, list[Case]] = {
                 x0=[1, 0.5],
                 angles=[0],
             ),
-            absent=True,
         ),
+        Case(blocks.ExtendedKalmanFilter(**SEVERAL), inputs={"stamp": some_stamps}),
     ],
     "DynamicSystem": [
         Case(blocks.DynamicSystem(derivative=["x[1]", "-sin(x[0])"], initial=[1, 0]), free=("x",)),
@@ -481,6 +524,10 @@ CASES: dict[str, list[Case]] = {
     "DoubleIntegrator": [
         Case(blocks.DoubleIntegrator(), {"acceleration": kind}, free=("x", "v"))
         for kind in (Scalar, Twist, Vector(3))
+    ],
+    "PlanarArm": [
+        Case(blocks.PlanarArm(**REQUIRED["PlanarArm"]), free=("x",)),
+        Case(blocks.PlanarArm(lengths=[0.5], masses=[1.0], friction=0.1), free=("x",)),
     ],
     "TwoLinkArm": [Case(blocks.TwoLinkArm(friction=[0.1, 0.2]), free=("x",))],
     "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],

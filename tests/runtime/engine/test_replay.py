@@ -65,7 +65,7 @@ def rewound(at: int, span: int) -> Change:
             if first < at:
                 held = run(first, at, held)
             state.tick, state.held = at, held
-            saved = state.checkpoint()
+            saved = state.snapshot()
             run(at, min(last, at + span), held)
             state.restore(saved)
             assert state.tick == at
@@ -273,4 +273,4 @@ def test_a_checkpoint_says_what_cannot_be_copied() -> None:
     engine = Engine(pair(Ratio(), "lock").program(), 1)
     engine.prepare()
     with pytest.raises(NotCopiedError, match="block 'keeper' keeps in state.lock"):
-        engine.state.checkpoint()
+        engine.state.snapshot()

@@ -54,7 +54,7 @@ def test_every_block_alone(cli: Run, draw: Path, tmp_path: Path) -> None:
         assert found["without sum", seed]["total"] == ""
     lines = table(facts)
     assert lines["bypass twice", "drawn"]["difference"]["mean"] == 0.0
-    assert lines["bypass twice", "drawn"]["difference"]["distinguishable"] is False
+    assert lines["bypass twice", "drawn"]["difference"]["verdict"] == "equal"
     assert lines["without sum", "total"]["recorded"] is False
     assert lines["without sum", "total"]["n"] == 0
     outs = np.array([1.0 + normal(seed) for seed in range(6)])
@@ -285,23 +285,96 @@ def test_a_variant_that_fails_is_reported(here: Run, draw: Path) -> None:
     done = here("ablate", "draw.yaml", *SEEDS, "--no-plots", *failing)
     assert done.returncode == 0, done.stderr
     assert "broken: 6 of 6 trials failed, first: block 'draw' at tick 0" in done.stdout
-    assert "yes, in seeds" in done.stdout
+    [total] = [line for line in done.stdout.splitlines() if line.startswith("  broken")][1:2]
+    assert total.split() == ["broken", "0/6", "failed", "-", "-", "-", "yes,", "ranks"]
+    five = here("ablate", "draw.yaml", "--seeds", "0..4", "--no-plots", "--name", "five", *failing)
+    assert "too few seeds to test (6 needed); of 5 pairs p is at least 0.062." in five.stdout
 
 
-def test_bootstrap_says_so(here: Run, draw: Path) -> None:
+def test_ranks_says_so(here: Run, draw: Path) -> None:
     done = here(
         *("ablate", "draw.yaml", *SEEDS, "--bypass", "half", "--json", "--no-plots"),
-        *("--test", "bootstrap"),
+        *("--test", "ranks"),
     )
     facts = json.loads(done.stdout)
-    assert facts["test"] == "bootstrap (BCa) with a sign-flip permutation test"
+    assert facts["test"] == "signed ranks"
     apart = table(facts)["bypass half", "total"]["difference"]
     outs = [1.0 + normal(seed) for seed in range(6)]
-    # All 2^6 ways to flip the signs of six differences are counted.
-    signs = np.array(np.meshgrid(*[[-1, 1]] * 6)).reshape(6, -1)
-    means = np.abs(np.array(outs) @ signs)
-    expected = np.mean(means >= abs(sum(outs)) * (1 - 1e-12))
-    assert apart["p"] == pytest.approx(expected)
+    assert apart["p"] == pytest.approx(stats.wilcoxon(outs, method="exact").pvalue)
+
+
+CROSSED = """
+experiment: crossed
+graph: draw.yaml
+seeds: 0..5
+vary: {draw.level: [0, 1, 4]}
+primary: total
+contrasts: [[steep, soft]]
+variants:
+  soft: {set: {params.gain: 1}}
+  steep: {set: {params.gain: 4}}
+"""
+
+
+def test_variants_cross_factors(here: Run, draw: Path, tmp_path: Path) -> None:
+    """total = (1 + gain / 2)(level + noise): variants differ at each level, and in their trend."""
+    (tmp_path / "crossed.yaml").write_text(CROSSED)
+    done = here("ablate", "crossed.yaml", "--json", "-j", "2")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    lines = {(x["metric"], x["setting"], x["variant"], x["reference"]): x for x in facts["table"]}
+    noise = np.array([normal(seed) for seed in range(6)])
+    for setting, level in (("", 5.0 / 3.0), ("draw.level=0", 0.0), ("draw.level=4", 4.0)):
+        line = lines["total", setting, "steep", "baseline"]
+        assert line["mean"] == pytest.approx(3.0 * (level + noise.mean()))
+        assert line["runs"] == 6  # settings are not observations of their own
+        assert line["difference"]["mean"] == pytest.approx((level + noise).mean())
+    trend = lines["total per draw.level", "", "soft", "baseline"]
+    assert trend["mean"] == pytest.approx(1.5)
+    assert trend["difference"]["mean"] == pytest.approx(-0.5)
+    contrast = lines["total", "", "steep", "soft"]["difference"]
+    assert contrast["mean"] == pytest.approx(1.5 * (5.0 / 3.0 + noise.mean()))
+    assert lines["drawn", "", "steep", "baseline"]["primary"] is False
+    rows = (tmp_path / "ablations" / "crossed" / "index.csv").read_text().splitlines()
+    assert rows[0].startswith("trial,variant,draw.level,seed,") and len(rows) == 1 + 3 * 3 * 6
+    names = {Path(plot).stem for plot in facts["plots"]}
+    assert names == {"ablation", "curves"}
+    # The same file as a sweep has the same rows, and the best of all of them.
+    swept = json.loads(here("sweep", "crossed.yaml", "--json", "--no-plots").stdout)
+    assert swept["trials"] == 54 and swept["factors"] == ["variant", "draw.level"]
+    assert swept["best"][0]["values"] == {"variant": "baseline", "draw.level": "0"}
+    assert here("report", "ablations/crossed").returncode == 0
+    assert here("report", "sweeps/crossed").returncode == 0
+
+
+def test_a_section_that_a_verb_does_not_use_is_an_error(
+    here: Run, draw: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "crossed.yaml").write_text(CROSSED + "training: {seeds: 3}\n")
+    for verb in ("sweep", "ablate"):
+        done = here(verb, "crossed.yaml")
+        assert done.returncode == 2
+        assert f"crossed.yaml:11:1: training: 'runtime {verb}' does not use it, but" in done.stderr
+
+
+def test_a_factor_may_replace_a_whole_block(here: Run, draw: Path, tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text(
+        "graph: half\ninputs: {input: Scalar}\noutputs: {out: gain.out}\n"
+        "blocks:\n  gain: {type: Gain, gain: 8}\nwires:\n  gain: {input: inputs.input}\n"
+    )
+    (tmp_path / "e.yaml").write_text(
+        "experiment: e\ngraph: draw.yaml\nseeds: 3\nvary:\n"
+        "  half: [{type: Gain, gain: 3}, {graph: part.yaml}, {type: Lowpass, tau: 1.0}]\n"
+    )
+    done = here("sweep", "e.yaml", "--json", "-j", "1")
+    assert done.returncode == 0, done.stderr
+    out = 1.0 + normal(3)
+    with (tmp_path / "sweeps" / "e" / "index.csv").open(newline="") as lines:
+        totals = [float(row["total"]) for row in csv.DictReader(lines)]
+    assert totals == pytest.approx([7.0 * out, 17.0 * out, totals[2]])
+    assert totals[2] < 2.0 * out
+    again = here("sweep", "sweeps/e/plan.yaml", "--name", "again", "--json", "--no-plots")
+    assert again.returncode == 0, again.stderr
 
 
 def test_a_world_is_looked_up_beside_the_experiment(here: Run, draw: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from runtime.errors import Problems
 from runtime.experiments.design.factors import Factor, parse_factor
 from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds
-from runtime.experiments.execution.trials import GraphBundle, sweep_configurations, trials_of
+from runtime.experiments.execution.trials import GraphBundle, configurations_of, trials_of
 
 
 def factors(*texts: str) -> tuple[Factor, ...]:
@@ -52,7 +52,7 @@ def test_samples_hang_on_their_seed_alone(method: Method) -> None:
 def test_trials_are_generated_one_by_one() -> None:
     design = Design(factors("0..1:1000000", "0..1:1000000"))
     seeds = Seeds(((0, 10**12),))
-    trials = trials_of(sweep_configurations(GraphBundle("g"), ("a", "b"), design), seeds)
+    trials = trials_of(configurations_of(GraphBundle("g"), ("a", "b"), design), seeds)
     first = next(trials)
     assert (first.number, first.seed, first.configuration.cells) == (0, 0, ("0.0", "0.0"))
     assert len(design) * len(seeds) == 10**12 * (10**12 + 1)
@@ -60,9 +60,7 @@ def test_trials_are_generated_one_by_one() -> None:
 
 def test_trials_are_numbered_configuration_by_configuration() -> None:
     design = Design(factors("[x, y]"))
-    trials = list(
-        trials_of(sweep_configurations(GraphBundle("g"), ("a",), design), Seeds(((4, 5),)))
-    )
+    trials = list(trials_of(configurations_of(GraphBundle("g"), ("a",), design), Seeds(((4, 5),))))
     assert [(p.number, p.configuration.cells, p.seed) for p in trials] == [
         (0, ("x",), 4),
         (1, ("x",), 5),

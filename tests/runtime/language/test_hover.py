@@ -50,7 +50,7 @@ def test_cards(old: str, new: str, parts: list[str]) -> None:
 
 
 def test_nothing_to_say() -> None:
-    assert card("# Case C", "# Ca¦se C") == ""
+    assert card("# A robot", "# A ro¦bot") == ""
     assert card("until: 130", "until: 1¦30") == ""
 
 

@@ -169,7 +169,7 @@ def test_an_own_type_is_renamed_in_python_and_in_every_graph(shipped: Project) -
         ("  lq¦r: {type", "a.b", "is not a name for a block"),
         ("  lq¦r: {type", "inputs", "is reserved"),
         ("type: LQ¦R", "Mine", "a type of the library"),
-        ("# Ca¦se C", "x", "nothing to rename"),
+        ("# A ro¦bot", "x", "nothing to rename"),
     ],
 )
 def test_what_cannot_be_renamed(shipped: Project, marked: str, new: str, message: str) -> None:

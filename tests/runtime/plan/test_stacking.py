@@ -156,7 +156,7 @@ def run(graph: runtime.Graph, stacked: bool, rewind: int = 0) -> tuple[Outcome, 
 
         def again(first: int, last: int, held: Any) -> Any:
             engine.state.tick, engine.state.held = first, held
-            saved = engine.state.checkpoint()
+            saved = engine.state.snapshot()
             plain(first, min(last, first + rewind), held)
             engine.state.restore(saved)
             return plain(first, last, held)

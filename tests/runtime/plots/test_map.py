@@ -356,22 +356,45 @@ class TestAnimation:
     ) -> None:
         shown: list[str] = []
 
-        class Watched(film.PillowWriter):
-            def grab_frame(self, **savefig_kwargs: Any) -> None:
-                axes = self.fig.axes[0]
-                (subtitle,) = (t for t in axes.texts if t.get_gid() == "subtitle")
-                (clock,) = (t for t in axes.findobj(Text) if "real time" in t.get_text())
-                lower, upper = subtitle.get_window_extent(), clock.get_window_extent()
-                assert lower.y1 <= upper.y0 and upper.y1 <= self.fig.bbox.y1
-                shown.append(clock.get_text())
-                super().grab_frame(**savefig_kwargs)
+        def watched(figure: Any, canvas: Any, frame: Any = film._frame) -> Any:
+            axes = figure.axes[0]
+            (subtitle,) = (t for t in axes.texts if t.get_gid() == "subtitle")
+            (clock,) = (t for t in axes.findobj(Text) if "real time" in t.get_text())
+            lower, upper = subtitle.get_window_extent(), clock.get_window_extent()
+            assert lower.y1 <= upper.y0 and upper.y1 <= figure.bbox.y1
+            shown.append(clock.get_text())
+            return frame(figure, canvas)
 
         monkeypatch.setattr(film, "FRAMES", 3)
-        monkeypatch.setattr(film, "PillowWriter", Watched)
+        monkeypatch.setattr(film, "_frame", watched)
         animate(run, tmp_path / "run.gif")
         end = run_end(run)
         speed = f"{end * film.RATE / 3:.2g} × real time"
         assert shown == [f"t = {t:5.1f} s, {speed}" for t in (0.0, end / 2, end)]
+
+    def test_a_frame_is_what_was_drawn_though_only_its_changes_are_written(
+        self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        drawn: list[Any] = []
+
+        def watched(figure: Any, canvas: Any, frame: Any = film._frame) -> Any:
+            drawn.append(frame(figure, canvas))
+            return drawn[-1]
+
+        monkeypatch.setattr(film, "FRAMES", 5)
+        monkeypatch.setattr(film, "_frame", watched)
+        with Image.open(animate(run, tmp_path / "run.gif")) as written:
+            shown = []
+            for i in range(5):
+                written.seek(i)
+                shown.append(np.asarray(written.convert("RGB"), float))
+        for now, image in zip(shown, drawn, strict=True):
+            off = np.abs(now - np.asarray(image, float))
+            assert np.mean(off) < 1.0 and np.mean(off.max(axis=2) > 48) < 2e-3
+            assert (now[0, 0] == 255.0).all()
+        full = tmp_path / "full.gif"
+        drawn[0].save(full, save_all=True, append_images=drawn[1:], optimize=False)
+        assert (tmp_path / "run.gif").stat().st_size < 0.6 * full.stat().st_size
 
     def test_of_a_run_without_ticks(self, run: Result, tmp_path: Path) -> None:
         none = {
@@ -414,16 +437,15 @@ class TestAnimation:
 
         seen: list[tuple[list[str], list[FloatArray]]] = []
 
-        class Watched(film.PillowWriter):
-            def grab_frame(self, **savefig_kwargs: Any) -> None:
-                axes = self.fig.axes[0]
-                bodies = [p.get_center() for p in axes.patches if p.get_gid() == "robot"]
-                names = [t.get_text() for t in self.fig.legends[0].get_texts()]
-                seen.append((names, [np.array(at) for at in bodies]))
-                super().grab_frame(**savefig_kwargs)
+        def watched(figure: Any, canvas: Any, frame: Any = film._frame) -> Any:
+            axes = figure.axes[0]
+            bodies = [p.get_center() for p in axes.patches if p.get_gid() == "robot"]
+            names = [t.get_text() for t in figure.legends[0].get_texts()]
+            seen.append((names, [np.array(at) for at in bodies]))
+            return frame(figure, canvas)
 
         monkeypatch.setattr(film, "FRAMES", 3)
-        monkeypatch.setattr(film, "PillowWriter", Watched)
+        monkeypatch.setattr(film, "_frame", watched)
         run = ["run", "line_actuator_failure", "--until", "4", "--animate", "--no-plots", "-q", *vs]
         assert cli([*run, "--out", str(tmp_path)]) == 0, capsys.readouterr().err
         names, bodies = seen[-1]

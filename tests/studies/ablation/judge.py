@@ -202,8 +202,8 @@ class Judged:
         apart = difference(own, base, test)
         return Effect(
             asked,
-            estimate([v for v in own if v is not None], test),
-            estimate([v for v in base if v is not None], test),
+            estimate([v for v in own if v is not None]),
+            estimate([v for v in base if v is not None]),
             apart,
             apart.p,
             mcnemar_test(own, base) if differs else math.nan,

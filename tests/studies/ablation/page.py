@@ -61,7 +61,7 @@ READING = """
 * What takes the place of something else does **as well** where the whole interval is within
   {margin:.0f} % of the error of what it replaces, else **better** or **worse** where
   the difference is significant.
-* By a permutation test that flips signs, in place of Student's t, {other} of the {asked} verdicts
+* By signed ranks, in place of Student's t, {other} of the {asked} verdicts
   differ.
 * All gains and learning rates were chosen on other seeds of the same cases. Whether a learner is
   slow by its rate or by its kind is asked by letting it learn twice as fast. How the rate of the

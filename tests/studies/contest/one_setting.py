@@ -61,7 +61,7 @@ def section(out: Path) -> str:
             name,
             interval(estimate(without)),
             interval(estimate(own)),
-            interval(difference(own, without), "+"),
+            interval(difference(own, without, "t"), "+"),
         )
         for name, without, own in rows
     ]

@@ -226,7 +226,7 @@ def by_condition(runs: dict[Run, float]) -> dict[str, float]:
 
 def _apart(one: Contestant, rival: Contestant) -> PairedDifference:
     apart = list(one.against(rival).values())
-    return difference(apart, [0.0] * len(apart))
+    return difference(apart, [0.0] * len(apart), "t")
 
 
 def _equivalence(one: Contestant, rival: Contestant, counts: float) -> float:

@@ -195,7 +195,7 @@ def _settled(own: dict[str, Sequence[float | None]]) -> tuple[str, str, str]:
 
 def _added(own: list[float | None], alone: list[float | None], is_alone: bool) -> str:
     text = interval(estimate([value for value in own if value is not None]))
-    return text if is_alone else f"{text} ({interval(difference(own, alone), '+')})"
+    return text if is_alone else f"{text} ({interval(difference(own, alone, 't'), '+')})"
 
 
 def differing(rule: str) -> int:

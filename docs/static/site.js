@@ -1,0 +1,34 @@
+// A button that copies each block of code, and the filter of the gallery.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const block of document.querySelectorAll("div.highlight")) {
+    const button = document.createElement("button");
+    button.className = "copy";
+    button.type = "button";
+    button.textContent = "Copy";
+    button.addEventListener("click", async () => {
+      const text = block.querySelector("pre").innerText;
+      // Of a console only the commands.
+      const typed = text.split("\n").filter((line) => line.startsWith("$ "));
+      await navigator.clipboard.writeText(typed.length ? typed.map((line) => line.slice(2)).join("\n") : text);
+      button.textContent = "Copied";
+      setTimeout(() => (button.textContent = "Copy"), 1500);
+    });
+    block.append(button);
+  }
+  const filter = document.querySelector("#filter");
+  if (!filter) return;
+  const show = () => {
+    const words = filter.value.toLowerCase().split(/\s+/);
+    let shown = 0;
+    for (const card of document.querySelectorAll(".card")) {
+      card.hidden = !words.every((word) => card.dataset.words.includes(word));
+      shown += !card.hidden;
+    }
+    for (const section of document.querySelectorAll("section section")) {
+      section.hidden = !section.querySelector(".card:not([hidden])");
+    }
+    document.querySelector("#nothing").hidden = shown > 0;
+  };
+  filter.addEventListener("input", show);
+  show();
+});

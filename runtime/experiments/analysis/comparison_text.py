@@ -1,0 +1,128 @@
+"""The table of a comparison as text: for a terminal, a notebook or a page.
+
+In: the lines of a comparison. Out: rows of strings, and what their words mean::
+
+    total [m]
+      baseline  6  2.1   0.4
+      soft      6  2.6   0.5  +0.5  0.2  yes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from runtime.experiments.analysis.comparison import ComparisonLine
+from runtime.experiments.analysis.statistics import CORRECTION, LEVEL, TESTS, Estimate, Test
+from runtime.experiments.analysis.words import (
+    FAILED,
+    NEGLIGIBLE,
+    NEVER,
+    SAME,
+    SAME_RUNS,
+    TOO_FEW,
+    apart,
+    half_width,
+    interval,
+    seeds_of,
+    too_few,
+)
+from runtime.terminal import number, table, with_unit
+
+HEAD = (
+    *("", "seeds", "mean", "interval of mean", "difference", "interval of difference", "differs"),
+)
+
+
+def comparison_rows(
+    lines: Sequence[ComparisonLine],
+    units: Mapping[str, str] | None = None,
+    never: Mapping[str, str] | None = None,
+    interval_text: Callable[[Estimate, str], str] = interval,
+) -> list[tuple[str, ...]]:
+    """The table as strings: its header, and for each metric its name and a row per variant.
+
+    Parameters
+    ----------
+    never : for each metric that may be infinite, what that means, such as ``never settled``.
+    interval_text : writes an interval, the second argument being the sign of its format.
+    """
+    rows: list[tuple[str, ...]] = [HEAD]
+    above = ("", "")
+    for line in lines:
+        if (line.metric, line.setting) != above:
+            above = line.metric, line.setting
+            rows.append((", ".join(filter(None, (with_unit(above[0], units or {}), above[1]))),))
+        rows.append(_cells(line, interval_text, (never or {}).get(line.metric, NEVER)))
+    return rows
+
+
+def comparison_table(
+    lines: Sequence[ComparisonLine],
+    units: Mapping[str, str] | None = None,
+    never: Mapping[str, str] | None = None,
+) -> str:
+    """The table for a terminal; ``units`` are those of the metrics."""
+    shorter = {"interval of mean": "±", "interval of difference": "±"}
+    rows = comparison_rows(lines, units, never, half_width)
+    rows[0] = tuple(shorter.get(title, title) for title in rows[0])
+    return table(rows, range(1, len(rows[0])), indent="")
+
+
+def legend(lines: Sequence[ComparisonLine], test: Test = "auto") -> str:
+    """Explanations of the table's columns, as far as they are needed."""
+    if all(line.own.is_same or line.is_removed for line in lines):
+        return f"Differences are to the baseline. {SAME}: {SAME_RUNS}."
+    differences = [line.difference for line in lines if line.difference is not None]
+    notes = [
+        "±: 95 % interval. Differences are to the baseline on the same seed:",
+        f"{TESTS[test]}.",
+        f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all that can differ.",
+    ]
+    scales = {each.scale for each in differences if not (each.is_same or each.is_equal)}
+    if "ranks" in scales and test == "auto":
+        notes.append("ranks: signed-rank test and Hodges-Lehmann estimate of the difference.")
+    if "log ranks" in scales:
+        notes.append("difference in %: of skewed values, the typical ratio, by signed ranks.")
+    verdicts = {line.verdict for line in lines}
+    if any(each.margin for each in differences):
+        notes.append(f"margin: differs means by more; {NEGLIGIBLE}: the interval is within it.")
+    if any(not line.is_primary for line in lines):
+        notes.append("Metrics that are not primary are described, not tested.")
+    if any(line.own.is_same for line in lines):
+        notes.append(f"{SAME}: {SAME_RUNS}.")
+    if any(line.own.n < line.runs and not line.own.is_same for line in lines):
+        notes.append(
+            "n/N: n of N seeds have a value (of a difference: both); means are over those."
+        )
+    if any(line.own.never for line in lines):
+        notes.append("Infinite values (never ...) and failed runs are worse than any value.")
+    if TOO_FEW in verdicts:
+        few = [line for line in lines if line.verdict == TOO_FEW]
+        needed = max(few, key=lambda line: line.needed)
+        pairs = needed.difference.pairs if needed.difference is not None else 0
+        least = f"; of {pairs} pairs p is at least {2.0 ** (1 - pairs):.2g}" if pairs else ""
+        notes.append(f"{too_few(needed.needed)}{least}.")
+    if any(line.has_significant_presence for line in lines):
+        notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
+    if any(line.is_removed for line in lines):
+        notes.append("removed: what the metric measures was removed.")
+    return "\n".join(notes)
+
+
+def _cells(
+    line: ComparisonLine, interval_text: Callable[[Estimate, str], str], never: str
+) -> tuple[str, ...]:
+    word = FAILED if line.failed and line.failed == line.own.never else never
+    cells = [f"  {line.title}", seeds_of(line.own, line.runs)]
+    cells += [number(line.own.mean) if line.own.n or not line.own.never else word]
+    cells += [interval_text(line.own, "")]
+    difference = line.difference
+    if difference is None:
+        return (*cells, "", "", line.verdict)
+    mean, ends = apart(difference, interval_text)
+    if 0 < difference.n < line.runs and not difference.is_same:
+        mean += f" ({difference.n}/{line.runs})"
+    verdict = line.verdict
+    if verdict in ("yes", "no") and difference.scale == "ranks":
+        verdict += ", ranks"
+    return (*cells, mean, ends, verdict)

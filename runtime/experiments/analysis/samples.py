@@ -1,0 +1,124 @@
+"""From the rows of an index to what is compared: one value per seed, or per setting.
+
+In: the rows of each variant. Out: a :class:`Sample` for each metric, setting and variant. A
+*setting* is one combination of the factors' values::
+
+    error of soft at wind 0 and 2, seeds 0 and 1: 1, 3 and 2, 6
+    ->  over all settings: 1.5, 4.5 (one value per seed)
+        wind=0: 1, 3       wind=2: 2, 6       error per wind: 0.5, 1.5 (the slope of each seed)
+
+Values that the file lists are all that is asked about, and seeds are what chance draws; where the
+settings are samples themselves, they are what is drawn, and each counts once, however many seeds it
+has: runs of one setting are no independent observations of what other settings would give.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.document import parse_yaml
+from runtime.experiments.analysis.comparison import PER, Sample
+from runtime.experiments.analysis.groups import is_same
+from runtime.experiments.design import value_label
+from runtime.experiments.execution import ExperimentPlan, Row
+
+MOST_SETTINGS = 12  # that have lines of their own
+FAILURES = ("failed", "timeout")
+Samples = dict[tuple[str, str], dict[str, Sample]]
+Value = float | None
+
+
+def samples_of(
+    plan: ExperimentPlan, rows: Mapping[str, Sequence[Row]], removed: set[tuple[str, str]]
+) -> Samples:
+    """The samples of an ablation.
+
+    Parameters
+    ----------
+    rows : by variant, in the order of trials.
+    removed : (variant, metric) where the variant removes what the metric measures.
+    """
+    samples: Samples = {}
+    for column, metric in enumerate(plan.metrics):
+        worst = -math.inf if metric in plan.larger_is_better else math.inf
+        for variant, own in rows.items():
+            table = _Table(plan, own, column, worst)
+            for name, setting, sample in table.samples(metric):
+                if (variant, metric) in removed:
+                    sample = Sample((None,) * len(sample.values), is_removed=True)
+                samples.setdefault((name, setting), {})[variant] = sample
+    # All of a metric together, and settings before trends.
+    order = {metric: i for i, metric in enumerate(plan.metrics)}
+    keys = sorted(samples, key=lambda key: (order[key[0].split(PER)[0]], PER in key[0]))
+    return {key: samples[key] for key in keys}
+
+
+def failed_value(row: Row, column: int, worst: float) -> Value:
+    """A run's value; that of a run that failed is worse than any (the rule of win ratios)."""
+    # A mean of the other runs alone would reward a variant for failing with the hard seeds.
+    value = row.metrics[column]
+    return worst if value is None and row.status in FAILURES else value
+
+
+@dataclass(frozen=True)
+class _Table:
+    """One metric of one variant: its runs by setting and seed."""
+
+    plan: ExperimentPlan
+    rows: Sequence[Row]
+    column: int
+    worst: float
+
+    @property
+    def settings(self) -> dict[tuple[str, ...], list[Row]]:
+        settings: dict[tuple[str, ...], list[Row]] = {}
+        for row in self.rows:
+            settings.setdefault(row.cells[1:], []).append(row)
+        return settings
+
+    def samples(self, metric: str) -> Iterator[tuple[str, str, Sample]]:
+        """(name, setting, sample): all settings together, each alone, and trends."""
+        settings = self.settings
+        by_setting = [[self._value(row) for row in rows] for rows in settings.values()]
+        same = [is_same(rows, self.column) for rows in settings.values()]
+        is_sampled = self.plan.design.method != "grid"
+        units = by_setting if is_sampled else [list(each) for each in zip(*by_setting, strict=True)]
+        alike = all(same) and not is_sampled
+        yield metric, "", self._sample([mean_value(unit) for unit in units], alike)
+        if is_sampled or len(settings) == 1:
+            return
+        paths = [factor.path for factor in self.plan.design.factors]
+        if len(settings) <= MOST_SETTINGS:
+            for cells, values, is_one in zip(settings, by_setting, same, strict=True):
+                labels = (f"{p}={value_label(c)}" for p, c in zip(paths, cells, strict=True))
+                yield metric, ", ".join(labels), self._sample(values, is_one)
+        for i, path in enumerate(paths):
+            places = [parse_yaml(cells[i], path).plain() for cells in settings]
+            if all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in places):
+                slopes = [_slope(places, unit) for unit in units]
+                yield f"{metric}{PER}{path}", "", self._sample(slopes, alike)
+
+    def _value(self, row: Row) -> Value:
+        return failed_value(row, self.column, self.worst)
+
+    def _sample(self, values: list[Value], alike: bool) -> Sample:
+        failed = sum(value == self.worst for value in values)
+        failed = min(failed, sum(row.status in FAILURES for row in self.rows))
+        return Sample(tuple(values), failed, alike)
+
+
+def mean_value(values: Sequence[Value]) -> Value:
+    """The mean of values; None if one has none, infinite if a run failed."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if len(known) == len(values) else None
+
+
+def _slope(places: Sequence[float], values: Sequence[Value]) -> Value:
+    """The slope of a straight line through values (least squares); None if one has none."""
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    x = np.asarray(places, dtype=float) - float(np.mean(places))
+    return float(x @ np.array(known) / (x @ x)) if len(known) == len(values) and x.any() else None
