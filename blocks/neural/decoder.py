@@ -107,7 +107,7 @@ class Decoder(Solved):
         state.groups, state.error = 1, math.nan
         state.rule, state.by_spikes = self._rule, self.filter == "spikes"
         if self.weights_given is not None:
-            state.weights[...] = self.weights_given
+            state.weights[...], state.groups = self.weights_given, self.groups_given
         else:
             tuning: Tuning = state.published["spikes"]
             state.groups = tuning.groups
@@ -126,7 +126,9 @@ class Decoder(Solved):
             state.quick = float(b[0])
 
     def stack_key(self, context: BlockContext) -> Hashable:
-        groups = context.lengths.get("groups", 1) if self.weights_given is None else 1
+        groups = self.groups_given
+        if self.weights_given is None:
+            groups = context.lengths.get("groups", 1)
         rule = self.learning
         # Learning in groups, and P of recursive least squares, stay with each block.
         if rule is not None and (self._rule != "pes" or groups > 1):

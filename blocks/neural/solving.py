@@ -66,8 +66,14 @@ class Solved(Block, ABC):
     weights_given: FloatArray | None = param(
         None, name="weights", shape=(None, None), doc="weights, in place of solved ones"
     )
+    groups_given: int = param(
+        1, at_least=1, name="groups", doc="groups of neurons, each with columns of ``weights``"
+    )
     eval_points: Distribution | None = param(
         None, doc="points to solve on, per radius, a row each; default drawn within the radius"
+    )
+    targets: FloatArray | None = param(
+        None, shape=(None, None), doc="values at ``eval_points``, a row each, for a function"
     )
     points: int | None = param(None, at_least=1, doc="number of points; default by size")
     solver: DecoderSolver = param("l2", doc="solver of the weights")
@@ -82,7 +88,7 @@ class Solved(Block, ABC):
         if self.weights_given is None:
             return {}
         rows, n = self.weights_given.shape
-        return {"rows": rows, "k": rows, "n": n}
+        return {"rows": rows, "k": rows * self.groups_given, "n": n}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         if self.weights_given is not None or "d" not in lengths or "groups" not in lengths:
@@ -94,15 +100,29 @@ class Solved(Block, ABC):
 
     def _components(self, d: int) -> int:
         """The length of the function's value at a point of d dimensions."""
+        if self.targets is not None:
+            return int(self.targets.shape[1])
         return d if self.function is None else self.function.components(d, self._own_names)
 
     def validate(self) -> None:
         fixed = self.weights_given is not None
+        if self.weights_given is None and self.groups_given > 1:
+            message = "belongs to 'weights'; without them the groups are those of the ensemble"
+            raise ParameterError([("groups", message)])
+        if self.weights_given is not None and self.weights_given.shape[1] % self.groups_given:
+            columns = self.weights_given.shape[1]
+            message = f"{columns} columns of 'weights' cannot be divided among so many groups"
+            raise ParameterError([("groups", message)])
         both = [
             name
-            for name in ("function", "transform", "eval_points")
+            for name in ("function", "transform", "eval_points", "targets")
             if self.value(name) is not None
         ]
+        if self.targets is not None:
+            given = None if self.eval_points is None else self.eval_points.fixed
+            if self.function is not None or given is None or len(given) != len(self.targets):
+                rows = f"with {len(self.targets)} rows, in place of 'function'"
+                raise ParameterError([("targets", f"expected 'eval_points' {rows}")])
         variables = {"x": "the represented vector"}
         problems = [
             (name, text)
@@ -168,6 +188,8 @@ class Solved(Block, ABC):
         return []
 
     def _targets(self, points: FloatArray) -> FloatArray:
+        if self.targets is not None:
+            return self.targets
         if self.function is None:
             return points
         return self.function.of_points(points, self._own_names)

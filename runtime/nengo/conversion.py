@@ -18,7 +18,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.nengo import nodes
-from runtime.nengo.expressions import Text
+from runtime.nengo.decoding import Probed, between_neurons, decoder_entry
 from runtime.nengo.flow import (
     Computed,
     Decoded,
@@ -31,7 +31,7 @@ from runtime.nengo.flow import (
     is_direct,
     is_full,
 )
-from runtime.nengo.populations import ensemble_entry, rule_entry, solver_entry, synapse_entry
+from runtime.nengo.populations import ensemble_entry, rule_entry, synapse_entry
 
 
 @dataclass(frozen=True)
@@ -159,13 +159,13 @@ class _Conversion:
 
     def _term(self, source: Source, matrix: FloatArray, consumer: str) -> str:
         square = matrix.shape[0] == matrix.shape[1]
-        if square and np.array_equal(matrix, np.eye(len(matrix))):
+        is_number = square and np.array_equal(matrix, matrix[0, 0] * np.eye(len(matrix)))
+        if is_number and matrix[0, 0] == 1.0:
             return self.base(source, consumer)
-        if isinstance(source, Decoded) and source.connection.learning_rule_type is None:
-            factor = matrix[0, 0] if square else 0.0
-            if source.population.groups == 1 or np.array_equal(matrix, factor * np.eye(len(matrix))):
-                return self.decoder(source, consumer, matrix)
-        if isinstance(source, NodeOutput) and isinstance(source.node.output, np.ndarray):
+        if isinstance(source, Decoded) and source.scales and (is_number or source.is_single):
+            return self.decoder(source, consumer, matrix)
+        is_constant = isinstance(source, NodeOutput) and isinstance(source.node.output, np.ndarray)
+        if isinstance(source, NodeOutput) and is_constant and not is_number:
             value = matrix @ np.atleast_1d(source.node.output)
             name = self.add(f"{self.names[source.node]}_{consumer}", {"type": "Constant"})
             self.result.blocks[name]["value"] = value
@@ -174,10 +174,10 @@ class _Conversion:
         chosen = _selected(matrix)
         if chosen and source.size > 1:
             return f"{address}[{chosen}]"
-        gain: Any = matrix
-        if square and np.array_equal(matrix, matrix[0, 0] * np.eye(len(matrix))):
-            gain = float(matrix[0, 0])
-        name = self.add(f"{address.split('.')[0]}_{consumer}", {"type": "Gain", "gain": gain})
+        gain: Any = float(matrix[0, 0]) if is_number else matrix
+        name = address.split(".")[0]
+        name = f"{name}_gain" if consumer in name else f"{name}_{consumer}"
+        name = self.add(name, {"type": "Gain", "gain": gain})
         self.result.wires[name] = {"input": address}
         return f"{name}.out"
 
@@ -211,7 +211,7 @@ class _Conversion:
         if key in self.addresses and rule is None:
             return self.addresses[key]
         name = f"{population.name}_{consumer}".rstrip("_")
-        if _between_neurons(source.connection) and matrix is None:
+        if between_neurons(source.connection) and matrix is None:
             entry = {"type": "Weights", "weights": weights, "synapse": synapse}
             name = self.add(name, entry)
             self.result.wires[name] = {"spikes": f"{population.name}.spikes"}
@@ -221,14 +221,16 @@ class _Conversion:
                 self.result.wires[name]["post"] = f"{post.name}.spikes"
             address = f"{name}.current"
         else:
-            entry, comment = self.decoder_entry(source, weights, matrix)
+            entry, comment = decoder_entry(
+                source, weights, matrix, self.simulator, self.options.redraw
+            )
             name = self.add(name, {**entry, "synapse": synapse}, comment)
             address = self.addresses[key] = f"{name}.value"
             self.result.wires[name] = {"spikes": f"{population.name}.spikes"}
             if rule is not None and not isinstance(rule, nengo.Voja):
                 self.addresses[source] = address  # an error may come from the learnt value
                 self.learning(name, source, rule)
-        if source.synapse is None and not isinstance(source.connection, _Probed):
+        if source.synapse is None and not isinstance(source.connection, Probed):
             note = "its value is a tick later than Nengo's: give the connection a synapse"
             self.result.notes.append(f"{name} has no synapse; {note}")
         return address
@@ -248,60 +250,8 @@ class _Conversion:
         whole = np.concatenate(rows, axis=1)
         if matrix is None:
             return whole
-        return matrix[0, 0] * whole if source.population.groups > 1 else matrix @ whole
-
-    def decoder_entry(
-        self, source: Decoded, weights: FloatArray, matrix: FloatArray | None
-    ) -> tuple[dict[str, Any], str]:
-        """The entry of a Decoder, and what it decodes as a comment."""
-        connection = source.connection
-        if isinstance(connection.pre_obj, nengo.ensemble.Neurons) or is_full(connection):
-            return {"type": "Decoder", "weights": weights}, ""
-        text = self.function_text(connection)
-        if not self.options.redraw:
-            shown = text if isinstance(text, str) else ", ".join(text or [])
-            return {"type": "Decoder", "weights": weights}, shown and f"of {shown}"
-        entry: dict[str, Any] = {"type": "Decoder"}
-        if text is None and connection.function is not None:
-            raise UsageError(
-                f"{connection}: the function is no expression, and its decoders fit the drawn "
-                "neurons alone; write it with arithmetic and functions of math, or leave out "
-                "--redraw"
-            )
-        if text:
-            entry["function"] = text
-        transform = _transform(connection)
-        if source.population.groups > 1:
-            if not np.array_equal(transform, transform[0, 0] * np.eye(len(transform))):
-                raise UsageError(f"{connection}: a matrix in an array is not drawn anew")
-            factor = transform[0, 0] * (1.0 if matrix is None else matrix[0, 0])
-            if factor != 1.0:
-                entry["transform"] = float(factor)
-            return entry, ""
-        whole = transform if matrix is None else matrix @ transform
-        if whole.shape[0] != whole.shape[1] or not np.array_equal(whole, np.eye(len(whole))):
-            is_number = whole.shape == (1, 1)
-            entry["transform"] = float(whole[0, 0]) if is_number else whole
-        solver = solver_entry(connection.solver)
-        return entry if solver is None else {**entry, "solver": solver}, ""
-
-    def function_text(self, connection: Any) -> Text | None:
-        """What a connection computes of x, the represented vector; '' is x itself."""
-        ensemble, chosen = connection.pre_obj, list(range(connection.pre_obj.size_out))
-        chosen = np.arange(len(chosen))[connection.pre_slice].tolist()
-        if connection.function is None:
-            return "" if len(chosen) == ensemble.dimensions else [f"x[{i}]" for i in chosen]
-        function = connection.function
-        if not callable(function):
-            return None
-        text = nodes.of_values(
-            lambda x: function(x[chosen]), ensemble.dimensions, "x", ensemble.radius
-        ) if len(chosen) < ensemble.dimensions else None  # fmt: skip
-        if text is None:
-            text = nodes.of_values(function, len(chosen), "x", ensemble.radius)
-            if len(chosen) < ensemble.dimensions and text is not None:
-                text = _renumbered(text, chosen)
-        return text
+        factor = matrix[0, 0] if source.population.groups > 1 else None
+        return np.asarray(matrix @ whole if factor is None else factor * whole)
 
     # Nodes
 
@@ -378,7 +328,7 @@ class _Conversion:
             return
         steps = max(2, round(self.options.until / self.options.dt) + 1)
         values = nodes.recorded(self.simulator, [node for node, _ in self.unrecorded], steps)
-        self.result.tables["time"] = np.arange(steps) * self.options.dt
+        self.result.tables["time"] = np.array([k * self.options.dt for k in range(steps)])
         for node, name in self.unrecorded:
             self.result.tables[name] = values[node]
             self.result.blocks[name] |= {
@@ -388,25 +338,24 @@ class _Conversion:
     # Probes
 
     def probe(self, probe: Any) -> None:
-        name, entry = self.names[probe], {}
-        late, target = 0 if probe.synapse is None else 1, probe.obj
+        name, entry, late = self.names[probe], {}, 0
+        target = probe.obj
         every = round(probe.sample_every / self.options.dt) if probe.sample_every else 1
         if isinstance(target, nengo.ensemble.Neurons):
-            attribute = "spikes" if probe.attr in ("output", "spikes") else probe.attr
+            attribute = "fired" if probe.attr in ("output", "spikes") else probe.attr
             population, index = self.flow.of[target.ensemble]
             n = target.ensemble.n_neurons
             address = f"{population.name}.{attribute}"
             address = _part(address, index * n, n, n * population.groups, probe)
-            late += attribute != "spikes"
+            late = 0 if attribute == "fired" else 1  # a state is recorded before its step
             if probe.synapse is not None:
                 entry["synapse"] = synapse_entry(probe.synapse)
         elif isinstance(target, nengo.Connection):
             source = self.flow.through(target)[0][0]
             address = f"{self.base(source).split('.')[0]}.weights"
-            late += 1
+            late = 1
         elif isinstance(target, nengo.Ensemble) and not is_direct(target):
             address = self.decoded_probe(target, probe, name)
-            late = 1
         elif isinstance(target, (nengo.Node, nengo.Ensemble)):
             terms = self.flow.into(target)
             if isinstance(target, nengo.Node) and target.output is not None:
@@ -431,28 +380,13 @@ class _Conversion:
         points, rates = nengo.utils.ensemble.tuning_curves(
             ensemble, self.simulator, inputs=self.simulator.data[ensemble].eval_points
         )
-        decoders = nengo.solvers.LstsqL2()(rates, points)[0].T
+        decoders: FloatArray = np.array(nengo.solvers.LstsqL2()(rates, points)[0].T)
         weights: list[FloatArray | None] = [None] * population.groups
         weights[index] = decoders
-        connection = _Probed(ensemble, probe.synapse)
+        connection = Probed(ensemble, probe.synapse)
         d = ensemble.dimensions
         source = Decoded(population, probe.synapse, connection, weights, d)
         return _part(self.decoder(source, name), index * d, d, d * population.groups, probe)
-
-
-class _Probed:
-    """What a probe of an ensemble decodes, as if it were a connection."""
-
-    function = None
-    pre_slice = slice(None)
-    learning_rule_type = None
-    transform = nengo.transforms.NoTransform(1)
-    solver = nengo.solvers.LstsqL2()
-    post_obj = None
-
-    def __init__(self, ensemble: Any, synapse: Any) -> None:
-        self.pre_obj, self.synapse = ensemble, synapse
-        self.size_mid = self.size_out = ensemble.dimensions
 
 
 def _part(address: str, first: int, size: int, whole: int, probe: Any) -> str:
@@ -466,13 +400,6 @@ def _part(address: str, first: int, size: int, whole: int, probe: Any) -> str:
     return f"{address}[{chosen[0]}{end}]"
 
 
-def _between_neurons(connection: Any) -> bool:
-    return is_full(connection) or (
-        isinstance(connection.pre_obj, nengo.ensemble.Neurons)
-        and isinstance(connection.post_obj, nengo.ensemble.Neurons)
-    )
-
-
 def _selected(matrix: FloatArray) -> str:
     """The index, or the range, of the components that a matrix selects; '' if it does not."""
     rows, columns = matrix.nonzero()
@@ -483,29 +410,3 @@ def _selected(matrix: FloatArray) -> str:
     if not (matrix[rows, columns] == 1.0).all():
         return ""
     return f"{columns[0]}" if len(columns) == 1 else f"{columns[0]}:{columns[-1] + 1}"
-
-
-def _transform(connection: Any) -> FloatArray:
-    transform = connection.transform
-    if isinstance(transform, nengo.transforms.NoTransform):
-        return np.eye(connection.size_mid)
-    value = transform.sample()
-    value = value.toarray() if hasattr(value, "toarray") else np.asarray(value, dtype=float)
-    if value.ndim < 2:
-        return value * np.eye(connection.size_mid)
-    return np.asarray(value)
-
-
-def _renumbered(text: Text, chosen: list[int]) -> Text | None:
-    """A text of some components in terms of all of them."""
-    import re
-
-    if isinstance(text, list):
-        parts = [_renumbered(each, chosen) for each in text]
-        return None if any(p is None for p in parts) else [str(p) for p in parts]
-    if len(chosen) == 1:
-        text = re.sub(r"(?<![\w.])x(?:\[0\])?(?![\w(\[])", f"x[{chosen[0]}]", text)
-        return text
-    if re.search(r"(?<![\w.])x(?!\[\d+\]|\w)", text):
-        return None
-    return re.sub(r"(?<![\w.])x\[(\d+)\]", lambda m: f"x[{chosen[int(m[1])]}]", text)

@@ -57,8 +57,8 @@ def candidates(
         tried += KNOWN
         d = names["x"] or 1
         tried += [[each.replace("x", f"x[{i}]") for i in range(d)] for each in KNOWN]
-        fit = _polynomials(np.array([p[0] for p in points]).reshape(len(points), -1), wanted)
-        tried += [] if fit is None else [fit]
+        places = np.array([p[0] for p in points]).reshape(len(points), -1)
+        tried += [t for t in (_polynomials(places, wanted), _rectified(places, wanted)) if t]
     for text in tried:
         for written in (text, [text] if isinstance(text, str) else text):
             if _has_values(written, points, wanted, names):
@@ -98,7 +98,8 @@ def _argument(value: Any, size: int | None) -> Any:
 
 def node_of(function: Any) -> list[ast.Lambda | ast.FunctionDef]:
     """The definitions that begin in the line where the function does; its file is not executed."""
-    if not isinstance(function, types.FunctionType):
+    # Nengo's own functions are known by their values alone: its source is not ours to write out.
+    if not isinstance(function, types.FunctionType) or function.__module__.startswith("nengo."):
         return []
     try:
         lines, _ = inspect.findsource(function)
@@ -188,7 +189,7 @@ class _Translation:
         if isinstance(node, (ast.List, ast.Tuple)):
             return ast.List([self.expression(item, known) for item in node.elts], ast.Load())
         allowed = (ast.BinOp, ast.UnaryOp, ast.Compare, ast.BoolOp, ast.IfExp, ast.Subscript)
-        if isinstance(node, ast.Constant) or isinstance(node, (ast.operator, ast.unaryop)):
+        if isinstance(node, ast.Constant):
             return node
         if not isinstance(node, allowed):
             raise _Unknown
@@ -246,6 +247,20 @@ def _literal(value: Any) -> Any:
     if array is None or array.dtype.kind not in "biuf" or array.size > FEW_NUMBERS:
         raise _Unknown
     return ast.parse(repr(array.tolist()), mode="eval").body
+
+
+def _rectified(points: FloatArray, wanted: list[FloatArray]) -> str | None:
+    """A line that is 0 on one side of where it crosses 0."""
+    x, values = points[:, 0], np.array([w[0] for w in wanted])
+    there = values != 0.0
+    if points.shape[1] > 1 or len(wanted[0]) > 1 or there.sum() < 3:
+        return None
+    slope, offset = np.polyfit(x[there], values[there], 1).tolist()
+    kink = float(f"{-offset / slope:.9g}") if slope else 0.0
+    factor = "" if f"{slope:.9g}" == "1" else f"{slope:.9g}*"
+    inside = f"x {'-' if kink > 0.0 else '+'} {abs(kink):.9g}"
+    inside = f"{factor}({inside})" if factor else inside
+    return f"{'max' if values.sum() > 0.0 else 'min'}(0, {inside})"
 
 
 def _polynomials(points: FloatArray, wanted: list[FloatArray]) -> list[str] | None:

@@ -62,6 +62,16 @@ class Decoded:
     def size(self) -> int:
         return self.rows * self.population.groups
 
+    @property
+    def scales(self) -> bool:
+        """Whether its weights may be multiplied: a rule learns those that Nengo has."""
+        return self.connection.learning_rule_type is None
+
+    @property
+    def is_single(self) -> bool:
+        """Whether its population is one ensemble."""
+        return self.population.groups == 1
+
 
 @dataclass(eq=False)
 class Filtered:

@@ -69,7 +69,7 @@ def run_both(
     graph = load(imported.files[0]).set("run.until", (steps + 2) * dt)
     populations, late = imported.converted.populations, imported.converted.late
     for name in populations:
-        graph = graph.probe(f"{name}_spikes_", f"{name}.spikes")
+        graph = graph.probe(f"{name}_spikes_", f"{name}.fired")
     result = graph.run(engine=engine)
     with imported.network:
         added = {

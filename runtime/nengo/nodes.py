@@ -176,7 +176,11 @@ def _source(function: Any, name: str) -> str | None:
             lines.append(f"{key} = {value!r}")
         elif isinstance(value, (np.ndarray, list, tuple)) and np.size(value) <= 100:
             made = np.asarray(value).tolist()
-            lines.append(f"{key} = {'np.array' if isinstance(value, np.ndarray) else ''}({made!r})")
+            lines.append(
+                f"{key} = np.array({made!r})"
+                if isinstance(value, np.ndarray)
+                else f"{key} = {value!r}"
+            )
         else:
             return None
     node = found[0]
@@ -188,11 +192,15 @@ def _source(function: Any, name: str) -> str | None:
         if isinstance(each, ast.Name) and each.id in mutable and _may_change(node, each.id):
             return None
     if isinstance(node, ast.Lambda):
-        lines.append(f"{name} = {ast.unparse(node)}")
+        text = f"{name} = {ast.unparse(node)}"
     else:
-        text = textwrap.dedent(inspect.getsource(function))
-        lines.append(re.sub(rf"\bdef {re.escape(node.name)}\b", f"def {name}", text, count=1))
-    return "\n".join(lines).rstrip()
+        text = textwrap.dedent(inspect.getsource(function)).rstrip()
+        text = re.sub(rf"\bdef {re.escape(node.name)}\b", f"def {name}", text, count=1)
+    if not lines:
+        return text
+    # Two functions may call different numbers by one name: each has its own.
+    inside = textwrap.indent("\n".join([*lines, text, f"return {name}"]), "    ")
+    return f"def {name}_of():\n{inside}\n\n\n{name} = {name}_of()"
 
 
 def _may_change(node: ast.AST, name: str) -> bool:

@@ -140,7 +140,9 @@ def distribution_entry(value: Any) -> Any:
     if isinstance(value, dists.Exponential):
         return f"exponential({value.scale:g}, {value.shift:g}, {value.high:g})"
     if isinstance(value, dists.Choice):
-        return f"choice({np.asarray(value.options, dtype=float).tolist()})"
+        options = np.asarray(value.options, dtype=float)
+        options = options[:, 0] if options.ndim == 2 and options.shape[1] == 1 else options
+        return f"choice({options.tolist()})"
     if isinstance(value, dists.CosineSimilarity):
         return f"cosine({value.dimensions})"
     if isinstance(value, (dists.ScatteredHypersphere, dists.UniformHypersphere)):

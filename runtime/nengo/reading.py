@@ -72,7 +72,8 @@ def names(network: Any, variables: Mapping[str, Any]) -> dict[Any, str]:
     for path, thing in _attributes(network, variables):
         if thing not in found:
             name(thing, path)
-    for thing in (*network.all_ensembles, *network.all_nodes, *network.all_probes):
+    inner = (n for n in network.all_networks if n is not network)
+    for thing in (*inner, *network.all_ensembles, *network.all_nodes, *network.all_probes):
         if thing not in found:
             name(thing, thing.label or type(thing).__name__)
     return found

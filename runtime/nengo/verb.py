@@ -16,14 +16,20 @@ SUFFIX = ".yaml"
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("program", choices=("nengo",), help="the program that the model is of")
-    parser.add_argument("model", help="its Python file, which is executed: model.py or model.py:NAME")
-    parser.add_argument("-o", "--out", metavar="FILE", help="the graph (the model's name, .yaml)")
+    parser.add_argument(
+        "model", help="its Python file, which is executed: model.py or model.py:NAME"
+    )
+    parser.add_argument("-o", "--out", metavar="FILE", help="the graph (NAME.yaml)")
     parser.add_argument("--redraw", action="store_true", help="leave out what Nengo drew")
-    parser.add_argument("--dt", type=at_least(1e-9), default=0.001, metavar="S", help="step (0.001)")
+    parser.add_argument(
+        "--dt", type=at_least(1e-9), default=0.001, metavar="S", help="step (0.001)"
+    )
     parser.add_argument(
         "--until", type=at_least(1e-9), default=1.0, metavar="S", help="length of a run (1)"
     )
-    parser.add_argument("--seed", type=integer(0, 2**31 - 1), metavar="N", help="seed of the simulator")
+    parser.add_argument(
+        "--seed", type=integer(0, 2**31 - 1), metavar="N", help="seed of the simulator"
+    )
     parser.add_argument(
         "--compare", action="store_true", help="run both, and compare spikes and probes"
     )
