@@ -22,7 +22,7 @@ import runtime
 from blocks.registry import blocks_of_module
 from runtime.cli.describe import blocks_pages, gallery_page, observing_page
 from runtime.cli.expressions_page import expressions_page
-from runtime.cli.shipped import shipped
+from runtime.cli.shipped import RUNNABLE, shipped
 from runtime.document import parse_yaml
 from tests.browser import find
 from tests.conftest import Run
@@ -193,6 +193,19 @@ def test_the_plot_of_the_how_to_is_valid() -> None:
     assert graph.check().observation.plots[1].options["labels"] == ["e_p", "e_θ"]
 
 
+def test_the_ports_of_the_how_to_are_those_of_its_linearization() -> None:
+    """At the end of a step response, x'' = (1 - c x' - k x) / m in closed form."""
+    (text,) = re.findall(r"```yaml\n# pushed.yaml\n(.*?)```", HOW_TO, re.S)
+    graph = runtime.Graph().overlay(parse_yaml(text, "how-to").plain())
+    m, c, k, t = 2.0, 0.5, 3.0, 1.99
+    rate, decay = math.sqrt(k / m - (c / (2.0 * m)) ** 2), c / (2.0 * m)
+    swing = math.cos(rate * t) + decay / rate * math.sin(rate * t)
+    expected = (1.0 - math.exp(-decay * t) * swing) / k
+    assert graph.run()["place"][-1] == pytest.approx(expected, abs=1e-6)
+    linear = graph.linearize(inputs=["push"], outputs=["place"])
+    assert linear.b.ravel().tolist() == pytest.approx([0.0, 1.0 / m])
+
+
 @pytest.mark.slow
 def test_what_the_how_to_learns_works_without_learning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -341,8 +354,7 @@ def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
     assert heads["og:description"]
     assert len(find(landing, "a", class_="card")) == 6
     assert "{{" not in landing
-    groups = ("graphs", "starters", "gallery", "gallery/nengo", "gallery/published")
-    count = sum(len(shipped(group)) for group in groups)
+    count = sum(len(shipped(group)) for group in RUNNABLE)
     assert len(find(check_page(gallery), "a", class_="card")) == count
     assert gallery.stat().st_size < 1e6
     weight = sum(path.stat().st_size for path in (tmp_path / "_static").glob("graph-*.webp"))

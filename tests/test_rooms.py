@@ -228,7 +228,9 @@ print(codes, runtime.PACKAGE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("bridge", "verb"), [("lsp", "lsp"), ("rendering", "render")])
+@pytest.mark.parametrize(
+    ("bridge", "verb"), [("lsp", "lsp"), ("nengo", "import"), ("rendering", "render")]
+)
 def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
     for package in ("blocks", "runtime", "graphs"):
         shutil.copytree(ROOT / package, tmp_path / package)

@@ -63,9 +63,9 @@ class Decoder(Solved):
     pending = State("errors", doc="learn times the error of the last tick")
     inverse = State("squared", "squared", doc="P of recursive least squares")
 
-    def sizes(self) -> dict[str, int]:
-        order = self.synapse.order if self.filter == "value" else 0
-        return {**super().sizes(), "order": order}
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        order = self.synapse.order_at(context.dt) if self.filter == "value" else 0
+        return {**self.sizes(), "order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         inferred = dict(super().infer(lengths))
@@ -97,6 +97,13 @@ class Decoder(Solved):
         if self.learning is not None and not wires:
             message = f"{self._rule} learns from an error, and the input 'error' is not connected"
             raise ParameterError([("learning", message)])
+        if self.learning is not None and self.groups_out(context.lengths) < context.lengths.get(
+            "groups", 1
+        ):
+            message = (
+                "a matrix that mixes groups does not learn; let the Decoder learn, and a Gain mix"
+            )
+            raise ParameterError([("transform", message)])
         # P would be block-diagonal, one n x n block per group, and is declared as one matrix.
         if self._rule == "rls" and context.lengths.get("groups", 1) > 1:
             raise ParameterError([("learning", "rls does not learn in groups; use pes")])
@@ -110,7 +117,7 @@ class Decoder(Solved):
             state.weights[...], state.groups = self.weights_given, self.groups_given
         else:
             tuning: Tuning = state.published["spikes"]
-            state.groups = tuning.groups
+            state.groups = self.groups_out(state.context.lengths)
             state.weights[...], state.error = self.solve(state.rng, tuning)
         state.gamma = state.quick = 0.0
         if self.learning is not None:
@@ -126,9 +133,7 @@ class Decoder(Solved):
             state.quick = float(b[0])
 
     def stack_key(self, context: BlockContext) -> Hashable:
-        groups = self.groups_given
-        if self.weights_given is None:
-            groups = context.lengths.get("groups", 1)
+        groups = self.groups_out(context.lengths)
         rule = self.learning
         # Learning in groups, and P of recursive least squares, stay with each block.
         if rule is not None and (self._rule != "pes" or groups > 1):
@@ -192,7 +197,7 @@ class Decoder(Solved):
         value: FloatArray,
     ) -> None:
         if not state.by_spikes and len(state.b) > 0:
-            # Only a filter of the second order needs its input again.
+            # A filter of the first order needs its input no more.
             decoded = value if len(state.b) == 1 else decode(state.weights, spikes, state.groups)
             remember(state.filtered, state.a, state.b, decoded, value)
         if state.rule != "" or state.by_spikes:

@@ -3,6 +3,6 @@
 A bridge: its door is the verb ``import``, and nothing but the table of verbs names it.
 """
 
-from runtime.nengo.verb import HELP, add, run
+from runtime.nengo.verb import EXAMPLES, HELP, add, run
 
-__all__ = ["HELP", "add", "run"]
+__all__ = ["EXAMPLES", "HELP", "add", "run"]

@@ -42,7 +42,7 @@ def decoder_entry(
         return given, shown and f"of {shown}"
     entry: dict[str, Any] = {"type": "Decoder"}
     if text is None:
-        entry |= function_table(connection, simulator)
+        entry["function"] = function_table(connection, simulator)
     elif text:
         entry["function"] = text
     transform = _transform(connection)
@@ -67,8 +67,7 @@ def function_table(connection: Any, simulator: Any) -> dict[str, FloatArray]:
     values: Any = connection.function
     if callable(values):
         values = [np.atleast_1d(values(x)) for x in points[:, connection.pre_slice]]
-    radius = connection.pre_obj.radius
-    return {"eval_points": points / radius, "targets": np.array(values, dtype=float)}
+    return {"points": points, "targets": np.array(values, dtype=float)}
 
 
 def function_text(connection: Any) -> Text | None:

@@ -10,6 +10,11 @@ from runtime.errors import MissingExtraError, UsageError
 from runtime.terminal import show, show_json
 
 HELP = "write a model of Nengo as a graph with the same neurons"
+EXAMPLES = """
+runtime import nengo model.py -o my.yaml
+runtime import nengo model.py:network -o my.yaml --compare
+runtime import nengo model.py -o my.yaml --redraw
+"""
 SUFFIX = ".yaml"
 
 

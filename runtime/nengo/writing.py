@@ -72,6 +72,8 @@ def write(path: Path, text: str, arrays: dict[str, FloatArray], own: str) -> lis
 
 def _value(value: Any, name: str, arrays: dict[str, FloatArray], archive: str) -> Any:
     """A parameter as the text has it: short arrays are lists, others names of the archive."""
+    if isinstance(value, dict):
+        return {key: _value(v, f"{name}.{key}", arrays, archive) for key, v in value.items()}
     if not isinstance(value, np.ndarray):
         return value
     array = np.asarray(value, dtype=float)

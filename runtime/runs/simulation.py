@@ -27,7 +27,7 @@ from runtime.document import DEFAULT_MEMORY, SECOND, Override, arrays_in, dump_y
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.errors import raised_at
 from runtime.network import Network
-from runtime.observation import STOP_TIME, Metric, Probe, Recording, Series
+from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
 from runtime.runs.folder import (
     DIAGRAM,
@@ -379,9 +379,9 @@ def evaluate(
     values: dict[str, float | None] = {}
     failures, notes = [], []
     for metric in metrics:
-        value, reason = stopped_at, ""
-        # The time at which the run stopped is no function of the recordings.
-        if metric.own is not None or metric.kind != STOP_TIME:
+        if metric.own is None and metric.kind in OF_RUN:
+            value, reason = of_run(metric.kind, metric.options, stopped_at), ""
+        else:
             value, reason = _value_or_reason(metric, series, world)
         notes += [reason] if reason else []
         failures += [text] if (text := metric.expectation(value)) else []

@@ -18,6 +18,10 @@ from runtime.cli.commands.workers import (
 from runtime.terminal import tell
 
 HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
+EXAMPLES = """
+runtime sweep my.yaml --vary params.v_r=0.5..1.5:5 --seeds 0..9
+runtime sweep experiment.yaml -j 4 --resume
+"""
 
 
 def add(parser: ArgumentParser) -> None:
@@ -50,9 +54,11 @@ def run(options: Namespace) -> int:
     pictures: list[Path] = []
     if not (options.no_plots or result.is_interrupted):
         from runtime.experiments.analysis.figures import save_figures
+        from runtime.experiments.analysis.study_figures import study_figures
         from runtime.experiments.analysis.sweep_plots import sweep_figures
 
         pictures = save_figures(result.folder, sweep_figures(result.folder))
+        pictures += save_figures(result.folder, study_figures(plan, result.folder), ("pdf", "png"))
     for reason in result.tally.top_reasons() * (not options.json):
         tell(f"  {reason['count']} x {reason['reason']}")
     show_results(options, result.summary(), result.text(), pictures)

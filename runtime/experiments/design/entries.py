@@ -18,6 +18,7 @@ from runtime.document import Node, check_keys
 from runtime.errors import Problems, Where
 from runtime.experiments.design.checks import check_factor, check_metric
 from runtime.experiments.design.factors import Factor, parse_factor
+from runtime.experiments.design.figures import FigureSpec, read_figure
 from runtime.experiments.design.objective import Constraint, Objective
 from runtime.experiments.design.sampling import Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
@@ -27,7 +28,7 @@ from runtime.graph import Graph
 Sampler = Literal["tpe", "nsga2", "sobol", "random"]
 Over = Literal["mean", "worst"]
 # What an ablation asks of the results.
-QUESTION_KEYS = ("primary", "contrasts", "margin")
+QUESTION_KEYS = ("primary", "contrasts", "margin", "figures")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 TUNING_KEYS = (
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
@@ -55,6 +56,7 @@ class Entries:
     primary : metrics whose differences are tested, all if empty.
     contrasts : variants that are compared with each other, besides with the baseline.
     margins : the smallest differences that count, by metric; '' for all others.
+    figures : what is drawn besides the usual figures.
     """
 
     seeds: Seeds | None = None
@@ -73,6 +75,7 @@ class Entries:
     primary: tuple[str, ...] = ()
     contrasts: tuple[tuple[str, str], ...] = ()
     margins: tuple[tuple[str, float | str], ...] = ()
+    figures: tuple[FigureSpec, ...] = ()
 
     def overlay(self, other: Entries) -> Entries:
         """These entries with others over them: an entry of ``other`` replaces one of the same name.
@@ -131,6 +134,7 @@ def read_entries(
         primary=tuple(reader.primary()),
         contrasts=tuple(reader.contrasts()),
         margins=tuple(reader.margins()),
+        figures=tuple(reader.figures()),
     )
 
 
@@ -289,6 +293,20 @@ class _EntryReader:
                 if metric:
                     check_metric(self.graph, metric, item.where, "margin", self.problems)
                 yield metric, f"{number:g}%" if str(value).endswith("%") else number
+
+    def figures(self) -> Iterator[FigureSpec]:
+        section = self.document.get("figures")
+        if section is not None and not section.is_map:
+            self.refuse(section, "figures", f"expected figures by name, got {section.describe()}")
+            return
+        # Read again for their paths alone: what is wrong with them is reported once.
+        vary, ignored = self.document.get("vary"), Problems()
+        items = vary.items() if vary is not None and vary.is_map else ()
+        factors = [f for path, node in items if (f := parse_factor(path, node, path, ignored))]
+        for name, node in () if section is None else section.items():
+            figure = read_figure(name, node, self.graph, factors, self.problems)
+            if figure is not None:
+                yield figure
 
     def runs(self, key: str) -> RunEntries:
         node = self.document.get(key)

@@ -114,7 +114,7 @@ def test_redraw_has_functions_and_no_arrays(tmp_path: Path) -> None:
 def test_a_function_that_is_no_expression_is_a_table(tmp_path: Path) -> None:
     text = PES.replace("x[0] * x[1]", "sorted([x[0], x[1], 0.1])[1]")
     done = imported(tmp_path, text, redraw=True)
-    assert "targets: my.npz#pre_error.targets" in done.files[0].read_text(encoding="utf-8")
+    assert "targets: my.npz#pre_error.function.targets" in done.files[0].read_text(encoding="utf-8")
     ours, theirs = run_both(imported(tmp_path, text), 0.03)
     assert np.array_equal(ours["spikes of error"], theirs["spikes of error"])
 
