@@ -36,9 +36,9 @@ lines say who has not been run. The experiment files are in `tests/studies/conte
 """
 
 SEEN = "Mean errors of all contestants with their intervals, in a panel for each case"
-FIGURE = """Mean errors on the held-out runs, a panel for each case, the best contestant on top. Orange
-is spiking adaptation together with its own LQR, and the dashed line the tuned LQR. Lines are 95 %
-intervals over the conditions, cut at 0.3 times the mean. Drawn from the tables below by
+FIGURE = """Mean errors on the held-out runs, a panel for each case, the best contestant on top.
+Orange is spiking adaptation together with its own LQR, and the dashed line the tuned LQR. Lines are
+95 % intervals over the conditions, cut at 0.3 times the mean. Drawn from the tables below by
 `python -m tests.studies.contest.picture`.
 """
 
