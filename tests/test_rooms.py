@@ -52,6 +52,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.figures",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
+    ("runtime.experiments.analysis.study_figures",),
     ("runtime.experiments.tuning",),
     ("runtime.experiments.tuning.tuning_plots",),
     ("runtime.experiments",),
