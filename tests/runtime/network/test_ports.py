@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from runtime import GraphError, load
+from runtime import Graph, GraphError, load
 
 GRAPH = """\
 graph: pushed
@@ -27,6 +29,7 @@ wires:
 probes:
   place: place
   both: [heading, inputs.push]
+  state: [inputs.push.value, inputs.push.out, inputs.wish.value.1]
   seen: seen.out
 metrics:
   end: {kind: final, of: place}
@@ -55,6 +58,7 @@ def test_a_graph_with_open_inputs_runs_with_the_defaults(tmp_path: Path, engine:
     t = 0.01 * np.arange(100)
     np.testing.assert_allclose(result["place"], 2.0 * t, atol=1e-12)
     assert (result["both"] == [3.0, 2.0]).all()
+    assert (result["state"] == [2.0, 2.0, 2.0]).all()
     assert (result["seen"] == [2.0, 4.0, 6.0]).all()
     assert result.metrics["end"] == pytest.approx(1.98)
 
@@ -222,6 +226,30 @@ def test_an_input_can_be_removed_where_its_readers_allow_it(tmp_path: Path) -> N
 def test_a_port_is_an_input_of_a_linearization(tmp_path: Path) -> None:
     linear = load(graph(tmp_path)).linearize(inputs=["push"], outputs=["place"])
     assert (linear.b.tolist(), linear.c.tolist()) == ([[1.0]], [[1.0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda g: g.set("push", 5.0),
+            "there is no 'push' in the graph, did you mean 'inputs.push",
+        ),
+        (lambda g: g.set("inputs.push.default", 50.0), "expected at most the max, 10.0, got 50.0"),
+        (lambda g: g.without("push"), "there is no block 'push', did you mean 'inputs.push'?"),
+        (lambda g: g.wire("mass.input", "push"), "no block 'push', did you mean 'inputs.push'?"),
+        (lambda g: g.wire("mass.input", "inputs.wish.y"), ""),
+        (lambda g: g.wire("mass.input", "inputs.wsh.y"), "did you mean 'wish'?"),
+    ],
+)
+def test_changes_from_outside_name_inputs(
+    tmp_path: Path, change: Callable[[Graph], Graph], message: str
+) -> None:
+    if not message:
+        change(load(graph(tmp_path))).check()
+        return
+    with pytest.raises(GraphError, match=re.escape(message)):
+        change(load(graph(tmp_path))).check()
 
 
 def test_a_diagram_shows_the_inputs(tmp_path: Path) -> None:
