@@ -54,7 +54,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
     ("runtime.experiments.analysis.study_figures",),
     ("runtime.experiments.tuning",),
-    ("runtime.experiments.tuning.tuning_plots",),
+    ("runtime.experiments.tuning.tuning_plots", "runtime.experiments.tuning.contest_plots"),
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
