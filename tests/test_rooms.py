@@ -44,6 +44,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.plots", "runtime.diagrams.layout"),
     ("runtime.diagrams",),
     ("runtime.runs",),
+    ("runtime.sessions",),
     ("runtime.graph",),
     ("runtime.compare", "runtime.export"),
     ("runtime.compare.overlay",),
