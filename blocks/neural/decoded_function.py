@@ -114,7 +114,7 @@ class DecodedFunction(Setting):
         ``own`` are the constants and definitions that the expressions name.
         """
         if self.table is not None:
-            return int(self.table[1].shape[1])
+            return len(self.table[1][0])
         if self.each:
             return self.each[0].components(d, own)
         try:
