@@ -80,7 +80,6 @@ def simulate(
     the graph's ``run.memory``; a temporary folder by default.
     """
     network, program = graph.network, graph.program
-    observation = program.observation
     began = datetime.now().astimezone()
     runner = chosen_runner(network, note) if profile is None else None
     engine = Engine(program, network.seed, runner, note, profile, folder)
@@ -90,6 +89,18 @@ def simulate(
             # Only a recording on disk survives a killed process; what is in memory is lost with it.
             _begin_recording(graph, engine, began, folder)
     outcome = engine.run(progress)
+    result = result_of(graph, engine, outcome, began)
+    if outcome.error is not None:
+        # A failed run is still a result: what was recorded up to the failure is kept, and the error
+        # carries it to whoever saves it.
+        outcome.error.result = result
+        raise outcome.error
+    return result
+
+
+def result_of(graph: PreparedRun, engine: Engine, outcome: Outcome, began: datetime) -> Result:
+    """What a run has shown so far, with its metrics."""
+    network, program, observation = graph.network, graph.program, graph.program.observation
     probes = {
         name: _recording(
             probe, rows, engine.recorder.times(name, len(rows), network.dt), network.time_unit
@@ -110,11 +121,6 @@ def simulate(
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
     result.states = engine.final_states() if outcome.ticks else {}
-    if outcome.error is not None:
-        # A failed run is still a result: what was recorded up to the failure is kept, and the error
-        # carries it to whoever saves it.
-        outcome.error.result = result
-        raise outcome.error
     return result
 
 
