@@ -35,6 +35,7 @@ TYPES = {
     "Decoder": "neural.decoder",
     "Ensemble": "neural.ensemble",
     "RateEnsemble": "neural.adaptive",
+    "SynapticFilter": "neural.filter",
     "Weights": "neural.weights",
     "Lidar": "world.lidar",
     "WallFitter": "wall_fitting.fitter",

@@ -24,13 +24,13 @@ from pictures import IMAGES, PICTURES, Picture, of_run
 import runtime
 from runtime.cli import make_parser
 from runtime.cli.commands import VERBS
-from runtime.cli.shipped import schema_line, shipped
+from runtime.cli.commands.help import change_help
+from runtime.cli.shipped import RUNNABLE, schema_line, shipped
 from runtime.engine import python_seconds
 from runtime.files import slug
 
 MAX_SECONDS = 30.0  # estimated time under the Python engine; a longer run is cut
 PHYSICS = "MujocoVacuum"
-RUNNABLE = ("graphs", "starters", "gallery", "gallery/nengo", "gallery/published")
 # On the landing page: one of each group.
 SIX = (
     "wall_following_robust",
@@ -62,6 +62,8 @@ def command_line() -> str:
     (verbs,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     lines = ["# Command line", "", "What `runtime VERB --help` prints. `runtime --help`:", ""]
     lines += ["```text", parser.format_help().rstrip(), "```", ""]
+    changes = change_help()
+    lines += ["## Options that change a graph", "", "```text", changes, "```", ""]
     for name in VERBS.names():
         lines += [f"## runtime {name}", "", "```text"]
         lines += [verbs.choices[name].format_help().rstrip(), "```", ""]

@@ -211,6 +211,7 @@ def parameters_json(params: Mapping[str, Param]) -> dict[str, Any]:
             "required": p.required,
             "default": None if p.required else _plain(p.default),
             "doc": p.doc,
+            "tunable": p.tunable,
             **({"forms": dict(p.setting.forms())} if p.setting and p.setting.forms() else {}),
         }
         for n, p in params.items()
@@ -243,7 +244,8 @@ def _output(name: str, port: Output) -> TableRow:
 def param_row(name: str, declared: Param) -> TableRow:
     """Name, what is expected, default and documentation of a parameter or option."""
     default = "required" if declared.required else _default_text(declared.default)
-    return name, declared.describe(), default, declared.doc
+    doc = f"{declared.doc}; may change during a run" if declared.tunable else declared.doc
+    return name, declared.describe(), default, doc
 
 
 def _plain(value: Any) -> Any:

@@ -43,12 +43,20 @@ class LQI(Tracker):
 
     learn = Input(Scalar, default=1.0, doc="factor on what is integrated: 0 pauses")
 
-    q: FloatArray = param((1.0, 1.0, 1.0), at_least=0.0, shape=(3,), doc="weights of the errors")
-    q_integral: float = param(0.1, above=0.0, doc="weight of the integral z of the lateral error")
-    r: FloatArray = param((1.0, 1.0), above=0.0, shape=(2,), doc="weights of v and omega")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where no turn moves it across")
+    q: FloatArray = param(
+        (1.0, 1.0, 1.0), at_least=0.0, shape=(3,), tunable=True, doc="weights of the errors"
+    )
+    q_integral: float = param(
+        0.1, above=0.0, tunable=True, doc="weight of the integral z of the lateral error"
+    )
+    r: FloatArray = param(
+        (1.0, 1.0), above=0.0, shape=(2,), tunable=True, doc="weights of v and omega"
+    )
+    v_r: float = param(
+        1.0, unit="m/s", tunable=True, doc="reference speed; not 0, where no turn moves it across"
+    )
     model: str = param("paper", choices=("paper", "exact"), doc="second-order term of B, as in LQR")
-    limit: float = param(3.0, unit="rad/s", above=0.0, doc="largest turn rate")
+    limit: float = param(3.0, unit="rad/s", above=0.0, tunable=True, doc="largest turn rate")
 
     integral = State(1, unit="m s", doc="integral z of the lateral error")
 
@@ -110,9 +118,15 @@ class Compensator(Tracker):
 
     learn = Input(Scalar, default=1.0, doc="factor on what is learnt in a tick: 0 pauses")
 
-    rate: float = param(1.0, unit="1/s", above=0.0, doc="both poles of the tracking error")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where no turn moves it across")
-    limit: float = param(3.0, unit="rad/s", above=0.0, doc="largest turn rate, and largest d_hat")
+    rate: float = param(
+        1.0, unit="1/s", above=0.0, tunable=True, doc="both poles of the tracking error"
+    )
+    v_r: float = param(
+        1.0, unit="m/s", tunable=True, doc="reference speed; not 0, where no turn moves it across"
+    )
+    limit: float = param(
+        3.0, unit="rad/s", above=0.0, tunable=True, doc="largest turn rate, and largest d_hat"
+    )
 
     def validate(self) -> None:
         _check_speed(self.v_r)
@@ -147,7 +161,7 @@ class DisturbanceObserver(Compensator):
     command = [0, u_b - d_hat], both poles at -rate.
     """
 
-    tau: float = param(0.5, unit="s", above=0.0, doc="time constant of the filter")
+    tau: float = param(0.5, unit="s", above=0.0, tunable=True, doc="time constant of the filter")
 
     estimated = State(1, unit="rad/s", doc="the estimate d_hat")
     heading = State(1, unit="rad", doc="heading error of the last tick; NaN before the first")
@@ -193,9 +207,11 @@ class L1Adaptive(Compensator):
     of the law is :class:`Compensator`'s: command = [0, u_b - d_hat], both poles at -rate.
     """
 
-    predictor: float = param(2.0, unit="1/s", above=0.0, doc="pole of the prediction error")
+    predictor: float = param(
+        2.0, unit="1/s", above=0.0, tunable=True, doc="pole of the prediction error"
+    )
     bandwidth: float = param(
-        2.0, unit="1/s", above=0.0, name="filter", doc="bandwidth of the filter"
+        2.0, unit="1/s", above=0.0, name="filter", tunable=True, doc="bandwidth of the filter"
     )
 
     estimated = State(1, unit="rad/s", doc="the estimate behind the filter, d_hat")

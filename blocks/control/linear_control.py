@@ -56,10 +56,19 @@ class LinearMPC(LinearQuadraticRegulator):
     """
 
     steps: int = param(20, at_least=1, at_most=100, doc="N, how many ticks ahead it plans")
-    low: FloatArray = param(-math.inf, shape=SIZED, finite=False, doc="smallest command")
-    high: FloatArray = param(math.inf, shape=SIZED, finite=False, doc="largest command")
+    low: FloatArray = param(
+        -math.inf, shape=SIZED, finite=False, tunable=True, doc="smallest command"
+    )
+    high: FloatArray = param(
+        math.inf, shape=SIZED, finite=False, tunable=True, doc="largest command"
+    )
     rate: FloatArray = param(
-        math.inf, shape=SIZED, above=0.0, finite=False, doc="largest change of command per second"
+        math.inf,
+        shape=SIZED,
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="largest change of command per second",
     )
 
     last = State("m", doc="the command of the last tick; NaN before the first")
@@ -143,11 +152,13 @@ class LinearL1(Block):
     port: str = param("", name="input", doc="its input that is u; default its only one")
     x0: FloatArray | None = param(None, shape=(None,), doc="states at the operating point; 0")
     u0: FloatArray | None = param(None, shape=SIZED, doc="command there; default 0")
-    predictor: float = param(2.0, unit="1/s", above=0.0, doc="pole of the prediction error")
-    bandwidth: float = param(
-        2.0, unit="1/s", above=0.0, name="filter", doc="bandwidth of the filter"
+    predictor: float = param(
+        2.0, unit="1/s", above=0.0, tunable=True, doc="pole of the prediction error"
     )
-    limit: float = param(math.inf, above=0.0, finite=False, doc="largest d_hat")
+    bandwidth: float = param(
+        2.0, unit="1/s", above=0.0, name="filter", tunable=True, doc="bandwidth of the filter"
+    )
+    limit: float = param(math.inf, above=0.0, finite=False, tunable=True, doc="largest d_hat")
 
     estimated = State("m", doc="the estimate behind the filter, d_hat")
     predicted = State("n", doc="predicted states, from x0; NaN before the first tick")

@@ -174,9 +174,15 @@ class LQR(Tracker):
     block's ``dt``.
     """
 
-    q: FloatArray = param((1.0, 1.0, 1.0), shape=[(3,), (3, 3)], doc="state weights Q, x y theta")
-    r: FloatArray = param((1.0, 1.0), shape=[(2,), (2, 2)], doc="command weights R, v omega")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where y is uncontrollable")
+    q: FloatArray = param(
+        (1.0, 1.0, 1.0), shape=[(3,), (3, 3)], tunable=True, doc="state weights Q, x y theta"
+    )
+    r: FloatArray = param(
+        (1.0, 1.0), shape=[(2,), (2, 2)], tunable=True, doc="command weights R, v omega"
+    )
+    v_r: float = param(
+        1.0, unit="m/s", tunable=True, doc="reference speed; not 0, where y is uncontrollable"
+    )
     model: str = param("paper", choices=("paper", "exact"), doc="second-order term of B, see there")
     solver: str = param("riccati", choices=("riccati", "dare"), doc="dare: scipy's direct solver")
     tolerance: float = param(1e-13, above=0.0, doc="relative change of P that counts as converged")

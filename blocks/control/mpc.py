@@ -137,21 +137,44 @@ class MPC(Tracker):
         doc="turn rate that is added to the command, as match.feedforward.omega",
     )
 
-    q: FloatArray = param((1.0, 1.0, 1.0), above=0.0, shape=(3,), doc="weights of the errors")
-    r: FloatArray = param((1.0, 1.0), above=0.0, shape=(2,), doc="weights of v and omega")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where y is uncontrollable")
+    q: FloatArray = param(
+        (1.0, 1.0, 1.0), above=0.0, shape=(3,), tunable=True, doc="weights of the errors"
+    )
+    r: FloatArray = param(
+        (1.0, 1.0), above=0.0, shape=(2,), tunable=True, doc="weights of v and omega"
+    )
+    v_r: float = param(
+        1.0, unit="m/s", tunable=True, doc="reference speed; not 0, where y is uncontrollable"
+    )
     model: str = param("paper", choices=("paper", "exact"), doc="second-order term of B, as in LQR")
     horizon: float = param(1.0, unit="s", above=0.0, doc="how far ahead it plans")
     steps: int = param(10, at_least=1, at_most=50, doc="into which the horizon is divided")
-    v_max: float = param(math.inf, unit="m/s", above=0.0, finite=False, doc="largest speed")
+    v_max: float = param(
+        math.inf, unit="m/s", above=0.0, finite=False, tunable=True, doc="largest speed"
+    )
     omega_max: float = param(
-        3.0, unit="rad/s", above=0.0, finite=False, doc="largest turn rate, feedforward included"
+        3.0,
+        unit="rad/s",
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="largest turn rate, feedforward included",
     )
     v_rate: float = param(
-        math.inf, unit="m/s^2", above=0.0, finite=False, doc="largest change of speed per second"
+        math.inf,
+        unit="m/s^2",
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="largest change of speed per second",
     )
     omega_rate: float = param(
-        math.inf, unit="rad/s^2", above=0.0, finite=False, doc="the same of the turn rate"
+        math.inf,
+        unit="rad/s^2",
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="the same of the turn rate",
     )
 
     last = State(2, doc="speed and turn rate of the last tick, in all; NaN before the first")

@@ -47,10 +47,14 @@ class _SteadyState(Block, ABC):
     q: FloatArray = param(
         shape=[(None,), (None, None)],
         name="Q",
+        tunable=True,
         doc="covariance of the noise on n states, or its diagonal",
     )
     r: FloatArray = param(
-        shape=[(), (None,), (None, None)], name="R", doc="that of p measurements, or its diagonal"
+        shape=[(), (None,), (None, None)],
+        name="R",
+        tunable=True,
+        doc="that of p measurements, or its diagonal",
     )
     a: FloatArray | None = param(None, shape=(None, None), name="A", doc="n rows of n numbers")
     b: FloatArray | None = param(

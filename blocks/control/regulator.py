@@ -50,10 +50,16 @@ class LinearQuadraticRegulator(Block):
     command = Output(Same("U"), doc="u, a Scalar or a Vector(m)")
 
     q: FloatArray = param(
-        shape=[(None,), (None, None)], name="Q", doc="weights of n states, or n rows of n"
+        shape=[(None,), (None, None)],
+        name="Q",
+        tunable=True,
+        doc="weights of n states, or n rows of n",
     )
     r: FloatArray = param(
-        shape=[(), (None,), (None, None)], name="R", doc="weights of m commands, or m rows of m"
+        shape=[(), (None,), (None, None)],
+        name="R",
+        tunable=True,
+        doc="weights of m commands, or m rows of m",
     )
     a: FloatArray | None = param(None, shape=(None, None), name="A", doc="n rows of n numbers")
     b: FloatArray | None = param(

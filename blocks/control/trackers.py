@@ -30,13 +30,21 @@ class PathPID(Tracker):
     kp alone gives s^2 + kp s + kp / lookahead_time, whatever the speed.
     """
 
-    kp: float = param(2.0, unit="1/s", at_least=0.0, doc="turn rate per course error")
-    ki: float = param(0.2, unit="1/s^2", at_least=0.0, doc="turn rate per sum of course errors")
-    kd: float = param(0.2, at_least=0.0, doc="turn rate per rate of the course error")
-    tau: float = param(0.1, unit="s", above=0.0, doc="time constant of the rate's lowpass")
-    limit: float = param(3.0, unit="rad/s", above=0.0, doc="largest turn rate")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where no turn moves it across")
-    lookahead_time: float = param(1.0, unit="s", above=0.0, doc="how far ahead the point lies")
+    kp: float = param(2.0, unit="1/s", at_least=0.0, tunable=True, doc="turn rate per course error")
+    ki: float = param(
+        0.2, unit="1/s^2", at_least=0.0, tunable=True, doc="turn rate per sum of course errors"
+    )
+    kd: float = param(0.2, at_least=0.0, tunable=True, doc="turn rate per rate of the course error")
+    tau: float = param(
+        0.1, unit="s", above=0.0, tunable=True, doc="time constant of the rate's lowpass"
+    )
+    limit: float = param(3.0, unit="rad/s", above=0.0, tunable=True, doc="largest turn rate")
+    v_r: float = param(
+        1.0, unit="m/s", tunable=True, doc="reference speed; not 0, where no turn moves it across"
+    )
+    lookahead_time: float = param(
+        1.0, unit="s", above=0.0, tunable=True, doc="how far ahead the point lies"
+    )
 
     integral = State(1, unit="rad s", doc="sum of the course error times dt")
     smooth = State(1, unit="rad", doc="course error behind the lowpass; NaN before the first tick")
@@ -97,8 +105,10 @@ class PurePursuit(Tracker):
     at any distance from the path.)
     """
 
-    v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed")
-    lookahead_time: float = param(1.0, unit="s", above=0.0, doc="how far ahead the point lies")
+    v_r: float = param(1.0, unit="m/s", above=0.0, tunable=True, doc="reference speed")
+    lookahead_time: float = param(
+        1.0, unit="s", above=0.0, tunable=True, doc="how far ahead the point lies"
+    )
 
     def output(
         self, state: BlockState, t: float, error: PoseValue, reference: PoseValue
@@ -132,13 +142,17 @@ class Stanley(Tracker):
     steering servo and low speeds.)
     """
 
-    v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed, that of the front wheel")
-    k: float = param(1.0, unit="1/s", above=0.0, doc="rate at which the cross-track error decays")
+    v_r: float = param(
+        1.0, unit="m/s", above=0.0, tunable=True, doc="reference speed, that of the front wheel"
+    )
+    k: float = param(
+        1.0, unit="1/s", above=0.0, tunable=True, doc="rate at which the cross-track error decays"
+    )
     wheel_base: float | None = param(
         None, unit="m", above=0.0, doc="l; default v_r / (2 k): the heading is twice as fast"
     )
     delta_max: float = param(
-        1.0, unit="rad", above=0.0, below=QUARTER, doc="largest steering angle"
+        1.0, unit="rad", above=0.0, below=QUARTER, tunable=True, doc="largest steering angle"
     )
 
     def output(

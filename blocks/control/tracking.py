@@ -88,8 +88,10 @@ class CourseError(Block):
 
     course = Output(Scalar, unit="rad", doc="the deviation, positive to the left")
 
-    v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed")
-    lookahead_time: float = param(1.0, unit="s", above=0.0, doc="how far ahead the point lies")
+    v_r: float = param(1.0, unit="m/s", above=0.0, tunable=True, doc="reference speed")
+    lookahead_time: float = param(
+        1.0, unit="s", above=0.0, tunable=True, doc="how far ahead the point lies"
+    )
 
     def output(self, state: BlockState, t: float, error: PoseValue, reference: PoseValue) -> float:
         _, lateral = offsets(error, reference[2])
@@ -144,8 +146,10 @@ class MatchingPoint(Block):
     )
 
     window: float = param(2.0, unit="m", above=0.0, doc="how far to search in either direction")
-    v_r: float = param(1.0, unit="m/s", doc="reference speed")
-    alpha: float = param(0.06, unit="m/s", doc="feedforward turn rate per curvature; v_r is exact")
+    v_r: float = param(1.0, unit="m/s", tunable=True, doc="reference speed")
+    alpha: float = param(
+        0.06, unit="m/s", tunable=True, doc="feedforward turn rate per curvature; v_r is exact"
+    )
     sign: str = param(
         "signed",
         choices=("signed", "unsigned"),

@@ -92,7 +92,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
-from blocks.core.state_shapes import started, state_lengths, state_shape
+from blocks.core.state_shapes import retune, started, state_lengths, state_shape
 from blocks.core.stored_arrays import StoredArray
 from blocks.core.variants import Variant
 
@@ -190,6 +190,7 @@ __all__ = [
     "rate_note",
     "read_expressions",
     "require",
+    "retune",
     "show",
     "signal_type",
     "signed_distance",

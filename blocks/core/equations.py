@@ -48,7 +48,7 @@ class Equations(Block, ABC):
     )
 
     constants: Constants | None = param(
-        None, doc="names with their values: {k: 2.5, A: [[0, 1], [-1, 0]]}"
+        None, tunable=True, doc="names with their values: {k: 2.5, A: [[0, 1], [-1, 0]]}"
     )
     names: Names | None = param(
         None, doc="names of the components of u, in order: [x, v]; p(3) is a vector"

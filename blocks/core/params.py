@@ -74,6 +74,7 @@ class Param:
     finite: bool
     name: str
     kind: ParamKind = "float"
+    tunable: bool = False
     setting: type[Setting] | None = None
 
     @property
@@ -228,6 +229,7 @@ def param(
     shape: ArrayShape | Sequence[ArrayShape] = (),
     finite: bool = True,
     name: str = "",
+    tunable: bool = False,
 ) -> Any:
     """Declare a parameter of a block; its type is the annotation beside it.
 
@@ -243,6 +245,8 @@ def param(
         parameter of that name, None any size.
     finite : False accepts ``inf``.
     name : the name in graphs, if it differs from the attribute's.
+    tunable : whether it may change while a run goes on. The shapes of states do not depend on it,
+        and what ``start`` computes from it is in cached states or attributes, never in memory.
 
     Raises
     ------
@@ -266,6 +270,7 @@ def param(
         shapes=shapes,
         finite=finite,
         name=name,
+        tunable=tunable,
     )
 
 

@@ -108,9 +108,9 @@ class DiscreteIntegrator(Recalling):
     method: str = param(
         "forward", choices=("forward", "backward", "trapezoidal"), doc="rule of integration"
     )
-    gain: float = param(1.0, doc="factor of the input")
-    lower: float = param(-math.inf, finite=False, doc="lower limit of each component")
-    upper: float = param(math.inf, finite=False, doc="upper limit of each component")
+    gain: float = param(1.0, tunable=True, doc="factor of the input")
+    lower: float = param(-math.inf, finite=False, tunable=True, doc="lower limit of each component")
+    upper: float = param(math.inf, finite=False, tunable=True, doc="upper limit of each component")
 
     total = State(like="out", name="total", doc="the sum before this tick's input")
 

@@ -68,11 +68,14 @@ class Filter(Block, ABC):
         doc="measurements by name, each with a model and covariance of its own, in place of those "
         "of one: {gps: {..., R: 1, dt: 0.2, delay: 0.1}, height: {..., R: 0.1}}",
     )
-    q: FloatArray = param(shape=(None, None), name="Q", doc="covariance of the process noise")
+    q: FloatArray = param(
+        shape=(None, None), name="Q", tunable=True, doc="covariance of the process noise"
+    )
     r: FloatArray | None = param(
         None,
         shape=[(None, None), ()],
         name="R",
+        tunable=True,
         doc="covariance of the measurement noise; or measurements, with an R each",
     )
     p0: FloatArray | None = param(

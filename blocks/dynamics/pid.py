@@ -54,15 +54,21 @@ class PID(Block):
     reset = Input(Scalar, default=0.0, doc="above 0.5: back to the initial states")
     out = Output(Same("T", own_unit=True), doc="the control signal")
 
-    kp: float = param(1.0, doc="proportional gain")
-    ki: float = param(0.0, doc="integral gain, per second")
-    kd: float = param(0.0, doc="derivative gain, seconds")
+    kp: float = param(1.0, tunable=True, doc="proportional gain")
+    ki: float = param(0.0, tunable=True, doc="integral gain, per second")
+    kd: float = param(0.0, tunable=True, doc="derivative gain, seconds")
     structure: str = param("parallel", choices=STRUCTURES, doc="what the gains multiply")
-    n: float = param(100.0, unit="1/s", above=0.0, doc="bandwidth of the derivative's filter")
-    lower: float = param(-math.inf, finite=False, doc="lower limit of each component")
-    upper: float = param(math.inf, finite=False, doc="upper limit of each component")
+    n: float = param(
+        100.0, unit="1/s", above=0.0, tunable=True, doc="bandwidth of the derivative's filter"
+    )
+    lower: float = param(-math.inf, finite=False, tunable=True, doc="lower limit of each component")
+    upper: float = param(math.inf, finite=False, tunable=True, doc="upper limit of each component")
     tracking: float | None = param(
-        None, unit="1/s", at_least=0.0, doc="gain of the back-calculation; default ki / kp, or 1"
+        None,
+        unit="1/s",
+        at_least=0.0,
+        tunable=True,
+        doc="gain of the back-calculation; default ki / kp, or 1",
     )
     initial: float = param(0.0, doc="integral at the start")
 
@@ -148,18 +154,26 @@ class DiscretePID(Recalling):
     reset = Input(Scalar, default=0.0, doc="above 0.5: back to the initial states")
     out = Output(Same("T", own_unit=True), doc="the control signal")
 
-    kp: float = param(1.0, doc="proportional gain")
-    ki: float = param(0.0, doc="integral gain, per second")
-    kd: float = param(0.0, doc="derivative gain, seconds")
+    kp: float = param(1.0, tunable=True, doc="proportional gain")
+    ki: float = param(0.0, tunable=True, doc="integral gain, per second")
+    kd: float = param(0.0, tunable=True, doc="derivative gain, seconds")
     structure: str = param("parallel", choices=STRUCTURES, doc="what the gains multiply, as in PID")
     method: str = param("backward", choices=tuple(NOW), doc="rule of integral and derivative")
     n: float | None = param(
-        None, unit="1/s", above=0.0, doc="bandwidth of the derivative's filter; default no filter"
+        None,
+        unit="1/s",
+        above=0.0,
+        tunable=True,
+        doc="bandwidth of the derivative's filter; default no filter",
     )
-    lower: float = param(-math.inf, finite=False, doc="lower limit of each component")
-    upper: float = param(math.inf, finite=False, doc="upper limit of each component")
+    lower: float = param(-math.inf, finite=False, tunable=True, doc="lower limit of each component")
+    upper: float = param(math.inf, finite=False, tunable=True, doc="upper limit of each component")
     tracking: float | None = param(
-        None, unit="1/s", at_least=0.0, doc="gain of the back-calculation; default ki / kp, or 1"
+        None,
+        unit="1/s",
+        at_least=0.0,
+        tunable=True,
+        doc="gain of the back-calculation; default ki / kp, or 1",
     )
     initial: FloatArray = param(0.0, shape=[(), (None,)], doc="integral at the start")
     initial_error: float = param(0.0, doc="error before the first tick, each component")

@@ -133,9 +133,11 @@ class SecondOrder(_Rational):
     the start. ``out`` depends on the state alone: it breaks loops.
     """
 
-    natural_frequency: float = param(unit="rad/s", above=0.0, doc="undamped natural frequency")
-    damping: float = param(0.7, at_least=0.0, doc="damping ratio; 1: critical")
-    gain: float = param(1.0, doc="gain at rest")
+    natural_frequency: float = param(
+        unit="rad/s", above=0.0, tunable=True, doc="undamped natural frequency"
+    )
+    damping: float = param(0.7, at_least=0.0, tunable=True, doc="damping ratio; 1: critical")
+    gain: float = param(1.0, tunable=True, doc="gain at rest")
 
     @property
     def rational(self) -> tuple[FloatArray, FloatArray]:
@@ -196,7 +198,7 @@ class Derivative(Block):
     signal = Input(Same("T"), name="input", doc="a number, a record or a vector")
     out = Output(Same("T", own_unit=True), doc="its rate of change")
 
-    tau: float = param(0.01, unit="s", above=0.0, doc="time constant of the filter")
+    tau: float = param(0.01, unit="s", above=0.0, tunable=True, doc="time constant of the filter")
     initial: FloatArray = param(
         0.0,
         shape=[(), (None,)],

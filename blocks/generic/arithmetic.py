@@ -38,7 +38,9 @@ class Constant(Block):
 
     constant = Output(Same("T"), name="value", constant=True, doc="the value")
 
-    number: FloatArray = param(name="value", doc="a number, or one number per component")
+    number: FloatArray = param(
+        name="value", tunable=True, doc="a number, or one number per component"
+    )
     signal: SignalType | None = param(
         None, doc="the signal type: Twist, Pose, ...; default Scalar, or Vector(n) for n numbers"
     )
@@ -142,7 +144,9 @@ class Gain(Block):
     out = Output(Same("T", own_unit=True), through="input", doc="gain times input")
 
     gain: FloatArray = param(
-        shape=[(), (None,), (None, None)], doc="the factor, one per component, or a matrix by rows"
+        shape=[(), (None,), (None, None)],
+        tunable=True,
+        doc="the factor, one per component, or a matrix by rows",
     )
 
     def validate(self) -> None:

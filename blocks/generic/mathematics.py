@@ -154,7 +154,7 @@ class Compare(Block):
     out = Output(Scalar, doc="1 where it holds, 0 elsewhere")
 
     operator: str = param(">", choices=COMPARISONS, doc="the comparison")
-    number: float = param(0.0, name="value", doc="what an input is compared with")
+    number: float = param(0.0, name="value", tunable=True, doc="what an input is compared with")
 
     def output(self, state: BlockState, t: float, input: float, other: float) -> float:
         right = other + self.number

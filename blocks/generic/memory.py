@@ -64,7 +64,7 @@ class Lowpass(_Memory):
     an input that holds between ticks.
     """
 
-    tau: float = param(unit="s", above=0.0, doc="time constant")
+    tau: float = param(unit="s", above=0.0, tunable=True, doc="time constant")
 
     def start(self, state: BlockState) -> None:
         super().start(state)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from blocks.neural.decoder import Decoder
     from blocks.neural.decoder_solvers import DecoderSolver
     from blocks.neural.ensemble import Ensemble
+    from blocks.neural.filter import SynapticFilter
     from blocks.neural.learner import AdaptiveBias
     from blocks.neural.mrac import MRAC
     from blocks.neural.neurons import NeuronModel
@@ -33,4 +34,13 @@ else:
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
 __all__ += ["AdaptiveLIFRate"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
-__all__ += ["DecoderSolver", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]
+__all__ += [
+    "DecoderSolver",
+    "SpikingReLU",
+    "Synapse",
+    "SynapticFilter",
+    "Tanh",
+    "Tuning",
+    "Weights",
+    "table_shape",
+]

@@ -63,9 +63,9 @@ class Decoder(Solved):
     pending = State("errors", doc="learn times the error of the last tick")
     inverse = State("squared", "squared", doc="P of recursive least squares")
 
-    def sizes(self) -> dict[str, int]:
-        order = self.synapse.order if self.filter == "value" else 0
-        return {**super().sizes(), "order": order}
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        order = self.synapse.order_at(context.dt) if self.filter == "value" else 0
+        return {**self.sizes(), "order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         inferred = dict(super().infer(lengths))
@@ -190,7 +190,7 @@ class Decoder(Solved):
         value: FloatArray,
     ) -> None:
         if not state.by_spikes and len(state.b) > 0:
-            # Only a filter of the second order needs its input again.
+            # A filter of the first order needs its input no more.
             decoded = value if len(state.b) == 1 else decode(state.weights, spikes, state.groups)
             remember(state.filtered, state.a, state.b, decoded, value)
         if state.rule != "" or state.by_spikes:

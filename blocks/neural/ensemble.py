@@ -126,13 +126,16 @@ class Ensemble(Block):
     noisy = State("noise_order", "total", name="filtered_noise", doc="the noise_synapse's states")
 
     def sizes(self) -> dict[str, int]:
-        order = self.noise_synapse.order if self.noise is not None else 0
-        sizes = {"neurons": self.neurons, "noise_order": order}
+        sizes = {"neurons": self.neurons}
         if self.groups:
             sizes |= {"groups": self.groups, "total": self.neurons * self.groups}
         if self.dimensions is not None:
             sizes["d"] = self.dimensions
         return sizes
+
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        order = 0 if self.noise is None else self.noise_synapse.order_at(context.dt)
+        return {**self.sizes(), "noise_order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         groups = self.groups or lengths.get("d", 0)

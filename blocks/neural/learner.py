@@ -48,16 +48,27 @@ class Learner(Block, ABC):
 
     learnt = Output(Vector("k"), name="output", doc="what was learnt")
 
-    learning_rate: float = param(1e-4, at_least=0.0, doc="kappa of PES, as Nengo scales it")
-    leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which the learnt output decays")
+    learning_rate: float = param(
+        1e-4, at_least=0.0, tunable=True, doc="kappa of PES, as Nengo scales it"
+    )
+    leak: float = param(
+        0.0, unit="1/s", at_least=0.0, tunable=True, doc="rate at which the learnt output decays"
+    )
     e_leak: float = param(
-        0.0, at_least=0.0, doc="rate (1/s) at which it decays as well, per size of the error"
+        0.0,
+        at_least=0.0,
+        tunable=True,
+        doc="rate (1/s) at which it decays as well, per size of the error",
     )
     normalised: bool = param(
         False, doc="divide steps by the activity squared: the rate is then in 1/s, whoever learns"
     )
     limit: float = param(
-        math.inf, above=0.0, finite=False, doc="largest size of each component of the output"
+        math.inf,
+        above=0.0,
+        finite=False,
+        tunable=True,
+        doc="largest size of each component of the output",
     )
     tau_rc: float = param(0.02, unit="s", above=0.0, doc="membrane time constant")
     tau_ref: float = param(0.002, unit="s", above=0.0, doc="refractory time; spikes: at least dt")

@@ -3,8 +3,8 @@
     x_k+1 = A x_k + B u_k,    y_k+1 = the last component of x_k+1
 
 so that the output of tick k + 1 contains the spikes of step k, as in Nengo. Written as a number of
-seconds (a lowpass), ``alpha(0.1)``, ``second_order(20, 0.7)`` or ``none``; a block holds the
-state (order, k) and calls::
+seconds (a lowpass), ``alpha(0.1)``, ``triangle(0.02)``, ``{type: linear, num: [5], den: [1, 5]}``
+or ``none``; a block holds the state (order, k) and calls::
 
     value = passed(state.filtered, a, b, decoded)      # in output
     remember(state.filtered, a, b, decoded, value)     # in update
@@ -57,6 +57,10 @@ class Synapse(Variant, root=True):
     expected: ClassVar[str] = "a synapse: a time constant in s, none, or one of"
     order: ClassVar[int] = 1
 
+    def order_at(self, dt: float) -> int:
+        """The number of rows of its state for a step of dt."""
+        return self.order
+
     @classmethod
     def read(cls, written: Any) -> Any:
         if written is None:
@@ -83,7 +87,9 @@ class Synapse(Variant, root=True):
         values = [self.__dict__[name] for name in self.declared]
         if isinstance(self, LowpassSynapse):
             return self.tau
-        return f"{self.label}({', '.join(f'{v:g}' for v in values)})" if values else self.label
+        if any(isinstance(v, np.ndarray) for v in values):
+            return super().written()
+        return f"{self.label}({', '.join(map(repr, values))})" if values else self.label
 
     def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
         """A (m, m) and B (m,) for a step of dt."""
@@ -148,6 +154,65 @@ class SecondOrderSynapse(_TwoPoles, label="second_order"):
         return 2.0 * self.damping * self.omega, self.omega**2
 
 
+class LinearSynapse(Synapse, label="linear"):
+    """num(s) / den(s), polynomials with the highest power first."""
+
+    num: FloatArray = param(shape=(None,), doc="coefficients of the numerator")
+    den: FloatArray = param(shape=(None,), doc="coefficients of the denominator")
+    order = -1  # of its parameters
+
+    def wrong(self) -> list[tuple[str, str]]:
+        if len(self.den) < 2 or self.den[0] == 0.0:
+            return [("den", "expected two coefficients or more, the first of them not 0")]
+        if not 0 < len(self.num) <= len(self.den):
+            message = f"expected up to {len(self.den)} coefficients, as many as the denominator has"
+            return [("num", message)]
+        return []
+
+    def order_at(self, dt: float) -> int:
+        return len(self.den)
+
+    def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        n = len(self.den) - 1
+        den = self.den[1:] / self.den[0]
+        num = np.concatenate([np.zeros(n + 1 - len(self.num)), self.num]) / self.den[0]
+        # The controllable canonical form; what the numerator has beyond D den(s) is C.
+        system = np.zeros((n + 1, n + 1))
+        system[0, :n], system[0, n] = -den, 1.0
+        system[range(1, n), range(n - 1)] = 1.0
+        c, d = num[1:] - num[0] * den, num[0]
+        stepped = _exponential(system * dt)
+        a, b = stepped[:n, :n], stepped[:n, n]
+        # A last row for the output: with a direct term as it is, and else of the step that ends
+        # now, as for the other synapses.
+        rows, ends = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
+        rows[:n, :n], ends[:n] = a, b
+        rows[n, :n], ends[n] = (c, d) if d else (product(c[None], a)[0], float((c * b).sum()))
+        return rows, ends
+
+
+class TriangleSynapse(Synapse, label="triangle"):
+    """Weights that fall linearly to 0 over a time, with an area of 1."""
+
+    t: float = param(unit="s", above=0.0, doc="time after which an input is forgotten")
+    order = -1  # of the step
+
+    def order_at(self, dt: float) -> int:
+        # One at least, and the output itself.
+        return max(round(self.t / dt), 1) + 1
+
+    def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        n = self.order_at(dt)
+        # So many inputs count as whole steps fit, and the one of now.
+        weights = np.arange(round(self.t / dt) + 1, 0.0, -1.0)
+        weights /= weights.sum()
+        a, b = np.zeros((n, n)), np.zeros(n)
+        b[0], b[-1] = 1.0, weights[0]
+        a[range(1, n - 1), range(n - 2)] = 1.0
+        a[-1, : len(weights) - 1] = weights[1:]
+        return a, b
+
+
 def _exponential(matrix: FloatArray) -> FloatArray:
     """The matrix exponential, by its series after halving until the norm is small."""
     # Not scipy's expm, which calls LAPACK: these matrices are part of a run's bits. Halved four
@@ -171,6 +236,8 @@ def _number(text: str) -> float | None:
 
 
 def _form(kind: type[Variant]) -> str:
+    if any(declared.kind == "array" for declared in kind.declared.values()):
+        return kind.label
     return f"{kind.label}({', '.join(kind.declared)})" if kind.declared else kind.label
 
 
@@ -181,7 +248,13 @@ def passed(memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray) 
     if len(b) == 1:
         # Not a memory + b value: at rest this stays exactly at the input.
         return np.asarray(memory[0] + b[0] * (value - memory[0]))
-    return np.asarray(a[1, 0] * memory[0] + a[1, 1] * memory[1] + b[1] * value)
+    if len(b) == 2:
+        return np.asarray(a[1, 0] * memory[0] + a[1, 1] * memory[1] + b[1] * value)
+    # In this order in both engines.
+    total = b[-1] * value
+    for j in range(len(b)):
+        total = total + a[-1, j] * memory[j]
+    return np.asarray(total)
 
 
 def remember(
@@ -193,3 +266,12 @@ def remember(
     elif len(b) == 2:
         memory[0] = a[0, 0] * memory[0] + a[0, 1] * memory[1] + b[0] * value
         memory[1] = output
+    elif len(b) > 2:
+        before = memory.copy()
+        for i in range(len(b) - 1):
+            row = b[i] * value
+            for j in range(len(b)):
+                if a[i, j] != 0.0:
+                    row = row + a[i, j] * before[j]
+            memory[i] = row
+        memory[-1] = output

@@ -97,7 +97,7 @@ class Weights(Block):
     theta = State("m", unit="1/s", doc="threshold of bcm")
 
     def sizes(self) -> dict[str, int]:
-        sizes = {"order": self.synapse.order}
+        sizes: dict[str, int] = {}
         if (
             self.initial is not None
             and self.initial.fixed is not None
@@ -108,7 +108,8 @@ class Weights(Block):
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
         m = context.types["current"].shape[0]
-        sizes = {**self.sizes(), "slots": 0, "delayed": 0}
+        order = self.synapse.order_at(context.dt)
+        sizes = {**self.sizes(), "order": order, "slots": 0, "delayed": 0}
         sizes["some"] = 0 if self.probability is None or self.learning is None else m
         if self.delay is not None:
             try:

@@ -35,7 +35,7 @@ class HitCrossing(Block):
     count = Output(Scalar, doc="the hits so far")
     time = Output(Scalar, unit="s", doc="the time of the last one; 0 before the first")
 
-    level: float = param(0.0, doc="what the input passes")
+    level: float = param(0.0, tunable=True, doc="what the input passes")
     direction: str = param("either", choices=tuple(SIGNS), doc="the way in which it counts")
 
     hits = State(doc="the hits so far")

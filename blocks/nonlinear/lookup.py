@@ -39,7 +39,7 @@ class LookupTable(Elementwise):
     out = Output(Same("T", own_unit=True), doc="the function's value")
 
     x: FloatArray = param(shape=(None,), doc="where the function is given, in ascending order")
-    y: FloatArray = param(shape=(None,), doc="its values there")
+    y: FloatArray = param(shape=(None,), tunable=True, doc="its values there")
     method: str = param(
         "linear", choices=("hold", "linear", "cubic", "pchip"), doc="what lies between two points"
     )
@@ -106,7 +106,9 @@ class LookupTable2D(Block):
 
     xs: FloatArray = param(name="x", shape=(None,), doc="rows of the grid, in ascending order")
     ys: FloatArray = param(name="y", shape=(None,), doc="columns of the grid, in ascending order")
-    values: FloatArray = param(shape=(None, None), doc="the function's values: a list for each x")
+    values: FloatArray = param(
+        shape=(None, None), tunable=True, doc="the function's values: a list for each x"
+    )
     method: str = param("linear", choices=("hold", "linear"), doc="what lies between points")
     outside: str = param("hold", choices=OUTSIDE, doc="what lies outside the grid")
 

@@ -45,10 +45,18 @@ class Clip(_Cornered):
     """
 
     low: FloatArray = param(
-        -math.inf, shape=[(), (None,)], finite=False, doc="lower limit, or one per component"
+        -math.inf,
+        shape=[(), (None,)],
+        finite=False,
+        tunable=True,
+        doc="lower limit, or one per component",
     )
     high: FloatArray = param(
-        math.inf, shape=[(), (None,)], finite=False, doc="upper limit, or one per component"
+        math.inf,
+        shape=[(), (None,)],
+        finite=False,
+        tunable=True,
+        doc="upper limit, or one per component",
     )
 
     def validate(self) -> None:
@@ -77,8 +85,8 @@ class DeadZone(_Cornered):
     out = 0 for low <= input <= high, input - low below and input - high above, each component.
     """
 
-    low: float = param(doc="lower end of the zone")
-    high: float = param(doc="upper end of the zone")
+    low: float = param(tunable=True, doc="lower end of the zone")
+    high: float = param(tunable=True, doc="upper end of the zone")
 
     def validate(self) -> None:
         if self.high < self.low:
@@ -105,8 +113,8 @@ class Quantizer(Elementwise):
     even number of steps.
     """
 
-    step: float = param(above=0.0, doc="size of a step")
-    offset: float = param(0.0, doc="a value that is kept as it is")
+    step: float = param(above=0.0, tunable=True, doc="size of a step")
+    offset: float = param(0.0, tunable=True, doc="a value that is kept as it is")
 
     def of(self, state: BlockState, x: float, i: int) -> float:
         return self.step * nearest((x - self.offset) / self.step) + self.offset

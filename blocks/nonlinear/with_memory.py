@@ -53,9 +53,12 @@ class RateLimiter(_Stepped):
     out(t_k) = out(t_k-1) + min(max(input - out(t_k-1), falling dt), rising dt), each component.
     """
 
-    rising: float = param(above=0.0, doc="largest rate of increase, per second")
+    rising: float = param(above=0.0, tunable=True, doc="largest rate of increase, per second")
     falling: float | None = param(
-        None, below=0.0, doc="largest rate of decrease, negative, per second; default -rising"
+        None,
+        below=0.0,
+        tunable=True,
+        doc="largest rate of decrease, negative, per second; default -rising",
     )
 
     def start(self, state: BlockState) -> None:
@@ -82,7 +85,7 @@ class Backlash(_Stepped):
     it, and the last output between the two, each component.
     """
 
-    width: float = param(above=0.0, doc="width of the gap")
+    width: float = param(above=0.0, tunable=True, doc="width of the gap")
 
     def of(self, state: BlockState, x: float, i: int) -> float:
         half = 0.5 * self.width
@@ -101,10 +104,10 @@ class Relay(_Stepped):
     output pushes back would switch without end.
     """
 
-    switch_on: float = param(0.0, doc="input at which the output changes to high")
-    switch_off: float = param(0.0, doc="input at which the output changes to low")
-    low: float = param(0.0, doc="output while off")
-    high: float = param(1.0, doc="output while on")
+    switch_on: float = param(0.0, tunable=True, doc="input at which the output changes to high")
+    switch_off: float = param(0.0, tunable=True, doc="input at which the output changes to low")
+    low: float = param(0.0, tunable=True, doc="output while off")
+    high: float = param(1.0, tunable=True, doc="output while on")
 
     def validate(self) -> None:
         if self.switch_off > self.switch_on:

@@ -44,18 +44,31 @@ class TwoLinkArm(Block):
     rates = Output(Vector(2), unit="rad/s", doc="q'")
     tip = Output(Vector(2), unit="m", doc="x and y of the end of the arm")
 
-    lengths: FloatArray = param([1.0, 1.0], unit="m", above=0.0, shape=TWO, doc="of both links")
-    masses: FloatArray = param([1.0, 1.0], unit="kg", above=0.0, shape=TWO, doc="of both links")
+    lengths: FloatArray = param(
+        [1.0, 1.0], unit="m", above=0.0, shape=TWO, tunable=True, doc="of both links"
+    )
+    masses: FloatArray = param(
+        [1.0, 1.0], unit="kg", above=0.0, shape=TWO, tunable=True, doc="of both links"
+    )
     centers: FloatArray | None = param(
-        None, unit="m", shape=TWO, doc="distance from joint to center of mass; default the middle"
+        None,
+        unit="m",
+        shape=TWO,
+        tunable=True,
+        doc="distance from joint to center of mass; default the middle",
     )
     inertias: FloatArray | None = param(
-        None, unit="kg m^2", at_least=0.0, shape=TWO, doc="about the centers; default uniform rods"
+        None,
+        unit="kg m^2",
+        at_least=0.0,
+        shape=TWO,
+        tunable=True,
+        doc="about the centers; default uniform rods",
     )
     friction: FloatArray = param(
-        [0.0, 0.0], unit="N m s", at_least=0.0, shape=TWO, doc="b of both joints"
+        [0.0, 0.0], unit="N m s", at_least=0.0, shape=TWO, tunable=True, doc="b of both joints"
     )
-    gravity: float = param(9.81, unit="m/s^2", doc="g, along -y")
+    gravity: float = param(9.81, unit="m/s^2", tunable=True, doc="g, along -y")
     q0: FloatArray = param([0.0, 0.0], unit="rad", shape=TWO, doc="angles at the start")
     rates0: FloatArray = param([0.0, 0.0], unit="rad/s", shape=TWO, doc="rates at the start")
 

@@ -34,9 +34,9 @@ class MassSpringDamper(Block):
     position = Output(Scalar, unit="m", doc="x, 0 where the spring is relaxed")
     velocity = Output(Scalar, unit="m/s", doc="x'")
 
-    mass: float = param(1.0, unit="kg", above=0.0, doc="m")
-    damping: float = param(0.0, unit="N s/m", at_least=0.0, doc="c")
-    stiffness: float = param(1.0, unit="N/m", at_least=0.0, doc="k")
+    mass: float = param(1.0, unit="kg", above=0.0, tunable=True, doc="m")
+    damping: float = param(0.0, unit="N s/m", at_least=0.0, tunable=True, doc="c")
+    stiffness: float = param(1.0, unit="N/m", at_least=0.0, tunable=True, doc="k")
     position0: float = param(0.0, unit="m", doc="x at the start")
     velocity0: float = param(0.0, unit="m/s", doc="x' at the start")
 

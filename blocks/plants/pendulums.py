@@ -22,10 +22,14 @@ class Pendulum(Block):
     angle = Output(Scalar, unit="rad", doc="theta, 0 hanging down; not wrapped")
     rate = Output(Scalar, unit="rad/s", doc="theta'")
 
-    mass: float = param(1.0, unit="kg", above=0.0, doc="m")
-    length: float = param(1.0, unit="m", above=0.0, doc="l, from the joint to the mass")
-    damping: float = param(0.0, unit="N m s", at_least=0.0, doc="b, friction of the joint")
-    gravity: float = param(9.81, unit="m/s^2", doc="g")
+    mass: float = param(1.0, unit="kg", above=0.0, tunable=True, doc="m")
+    length: float = param(
+        1.0, unit="m", above=0.0, tunable=True, doc="l, from the joint to the mass"
+    )
+    damping: float = param(
+        0.0, unit="N m s", at_least=0.0, tunable=True, doc="b, friction of the joint"
+    )
+    gravity: float = param(9.81, unit="m/s^2", tunable=True, doc="g")
     angle0: float = param(0.0, unit="rad", doc="theta at the start")
     rate0: float = param(0.0, unit="rad/s", doc="theta' at the start")
 
@@ -63,11 +67,17 @@ class CartPole(Block):
     angle = Output(Scalar, unit="rad", doc="theta, 0 upright; not wrapped")
     rate = Output(Scalar, unit="rad/s", doc="theta'")
 
-    cart_mass: float = param(1.0, unit="kg", above=0.0, doc="M")
-    pole_mass: float = param(0.1, unit="kg", above=0.0, doc="m, at the end of the pole")
-    length: float = param(0.5, unit="m", above=0.0, doc="l, from the joint to the mass")
-    friction: float = param(0.0, unit="N s/m", at_least=0.0, doc="b, of the cart on the rail")
-    gravity: float = param(9.81, unit="m/s^2", doc="g")
+    cart_mass: float = param(1.0, unit="kg", above=0.0, tunable=True, doc="M")
+    pole_mass: float = param(
+        0.1, unit="kg", above=0.0, tunable=True, doc="m, at the end of the pole"
+    )
+    length: float = param(
+        0.5, unit="m", above=0.0, tunable=True, doc="l, from the joint to the mass"
+    )
+    friction: float = param(
+        0.0, unit="N s/m", at_least=0.0, tunable=True, doc="b, of the cart on the rail"
+    )
+    gravity: float = param(9.81, unit="m/s^2", tunable=True, doc="g")
     x0: FloatArray = param(
         [0.0, 0.0, 0.0, 0.0],
         unit="m, m/s, rad, rad/s",

@@ -85,9 +85,14 @@ class WhiteNoise(_Random):
     """
 
     density: FloatArray = param(
-        shape=[(), (None,)], at_least=0.0, doc="two-sided power spectral density, per component"
+        shape=[(), (None,)],
+        at_least=0.0,
+        tunable=True,
+        doc="two-sided power spectral density, per component",
     )
-    mean: FloatArray = param(0.0, shape=[(), (None,)], doc="mean value, per component")
+    mean: FloatArray = param(
+        0.0, shape=[(), (None,)], tunable=True, doc="mean value, per component"
+    )
 
     def start(self, state: BlockState) -> None:
         super().start(state)
@@ -114,7 +119,10 @@ class RandomWalk(_Random):
     """
 
     density: FloatArray = param(
-        shape=[(), (None,)], at_least=0.0, doc="growth of the variance per second, per component"
+        shape=[(), (None,)],
+        at_least=0.0,
+        tunable=True,
+        doc="growth of the variance per second, per component",
     )
     initial: FloatArray = param(0.0, shape=[(), (None,)], doc="value at the start, per component")
 
@@ -141,7 +149,10 @@ class PinkNoise(_Random):
     """
 
     density: FloatArray = param(
-        shape=[(), (None,)], at_least=0.0, doc="two-sided density at 1 Hz, per component"
+        shape=[(), (None,)],
+        at_least=0.0,
+        tunable=True,
+        doc="two-sided density at 1 Hz, per component",
     )
     lowest: float = param(0.01, unit="Hz", above=0.0, doc="frequency below which it is flat")
 

@@ -145,7 +145,9 @@ class Piecewise(Table):
 
     times: FloatArray = param(unit="s", shape=(None,), doc="times, in ascending order")
     values: FloatArray = param(
-        shape=[(None,), (None, None)], doc="a number per time, or a list of numbers per time"
+        shape=[(None,), (None, None)],
+        tunable=True,
+        doc="a number per time, or a list of numbers per time",
     )
     method: str = param("hold", choices=METHODS, doc="what lies between two times")
     kind: SignalType | None = param(

@@ -38,10 +38,10 @@ class Sine(Block):
 
     out = Output(Scalar, doc="the wave")
 
-    amplitude: float = param(1.0, doc="half of the wave's height")
-    frequency: float = param(1.0, unit="Hz", doc="periods per second")
-    phase: float = param(0.0, unit="rad", doc="phase at t = 0")
-    offset: float = param(0.0, doc="mean value")
+    amplitude: float = param(1.0, tunable=True, doc="half of the wave's height")
+    frequency: float = param(1.0, unit="Hz", tunable=True, doc="periods per second")
+    phase: float = param(0.0, unit="rad", tunable=True, doc="phase at t = 0")
+    offset: float = param(0.0, tunable=True, doc="mean value")
 
     def output(self, state: BlockState, t: float) -> float:
         angle = 2.0 * math.pi * self.frequency * t + self.phase
@@ -60,8 +60,8 @@ class Step(Block):
     out = Output(Scalar, doc="the step")
 
     time: float = param(0.0, unit="s", doc="when the step happens")
-    before: float = param(0.0, doc="value before the step")
-    after: float = param(1.0, doc="value from the step on")
+    before: float = param(0.0, tunable=True, doc="value before the step")
+    after: float = param(1.0, tunable=True, doc="value from the step on")
 
     @property
     def stepwise(self) -> bool:
@@ -87,10 +87,10 @@ class Ramp(Block):
 
     out = Output(Scalar, doc="the ramp")
 
-    slope: float = param(1.0, doc="change per second")
+    slope: float = param(1.0, tunable=True, doc="change per second")
     begin: float = param(0.0, unit="s", name="start", doc="when the ramp begins")
     stop: float = param(math.inf, unit="s", finite=False, doc="when it ends; default never")
-    initial: float = param(0.0, doc="value before the ramp")
+    initial: float = param(0.0, tunable=True, doc="value before the ramp")
 
     def validate(self) -> None:
         if self.stop < self.begin:
@@ -117,8 +117,8 @@ class Pulse(Block):
 
     out = Output(Scalar, doc="the pulses")
 
-    low: float = param(0.0, doc="value between pulses")
-    high: float = param(1.0, doc="value of a pulse")
+    low: float = param(0.0, tunable=True, doc="value between pulses")
+    high: float = param(1.0, tunable=True, doc="value of a pulse")
     period: float = param(1.0, unit="s", above=0.0, doc="time from pulse to pulse")
     width: float | None = param(
         None, unit="s", at_least=0.0, doc="time at high; default half a period without the edges"
@@ -201,9 +201,9 @@ class Chirp(Block):
     f1: float = param(10.0, unit="Hz", at_least=0.0, doc="frequency after the duration")
     duration: float = param(10.0, unit="s", above=0.0, doc="time from f0 to f1")
     method: str = param("linear", choices=("linear", "logarithmic"), doc="how it changes")
-    amplitude: float = param(1.0, doc="half of the wave's height")
-    phase: float = param(0.0, unit="rad", doc="phase at t = 0")
-    offset: float = param(0.0, doc="mean value")
+    amplitude: float = param(1.0, tunable=True, doc="half of the wave's height")
+    phase: float = param(0.0, unit="rad", tunable=True, doc="phase at t = 0")
+    offset: float = param(0.0, tunable=True, doc="mean value")
 
     def validate(self) -> None:
         if self.method == "logarithmic" and not (self.f0 > 0.0 and self.f1 > 0.0):

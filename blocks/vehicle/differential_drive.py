@@ -95,7 +95,9 @@ class DifferentialDrive(Block):
     contact = Output(Scalar, doc="1 while the body touches a surface (within 1e-6 m), else 0")
 
     x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), unit="m, m, rad", doc="initial pose")
-    wheel_base: float = param(0.3, unit="m", above=0.0, doc="distance between the wheels")
+    wheel_base: float = param(
+        0.3, unit="m", above=0.0, tunable=True, doc="distance between the wheels"
+    )
     integrator: str = param("exact", choices=tuple(INTEGRATORS), doc="how a step is integrated")
     body_radius: float = param(
         0.0, unit="m", at_least=0.0, doc="radius of a body that the world stops; 0: no body"

@@ -40,7 +40,7 @@ class Saturator(Block):
     limited = Output(Twist, through="command", doc="the motors' command")
     saturated = Output(Scalar, doc="1 while the turn rate is limited, else 0")
 
-    omega_max: float = param(unit="rad/s", above=0.0, doc="largest turn rate")
+    omega_max: float = param(unit="rad/s", above=0.0, tunable=True, doc="largest turn rate")
 
     limited_ticks = State(1, doc="ticks so far on which the turn rate was limited")
 
@@ -75,10 +75,14 @@ class ActuatorFault(Block):
     command = Input(Twist, doc="the motors' command")
     actual = Output(Twist, through="command", doc="the actual motion")
 
-    gain: FloatArray = param((1.0, 1.0), shape=(2,), doc="factors on v and omega")
-    bias: FloatArray = param((0.0, 0.0), shape=(2,), doc="shifts of v (m/s) and omega (rad/s)")
-    begin: float = param(0.0, name="start", unit="s", doc="when the fault sets in")
-    end: float = param(math.inf, name="stop", unit="s", finite=False, doc="when it ends")
+    gain: FloatArray = param((1.0, 1.0), shape=(2,), tunable=True, doc="factors on v and omega")
+    bias: FloatArray = param(
+        (0.0, 0.0), shape=(2,), tunable=True, doc="shifts of v (m/s) and omega (rad/s)"
+    )
+    begin: float = param(0.0, name="start", unit="s", tunable=True, doc="when the fault sets in")
+    end: float = param(
+        math.inf, name="stop", unit="s", finite=False, tunable=True, doc="when it ends"
+    )
 
     def validate(self) -> None:
         if self.end <= self.begin:
@@ -112,7 +116,7 @@ class ActuatorLag(Block):
     command = Input(Twist, doc="the motors' command")
     actual = Output(Twist, through="command", doc="the actual motion")
 
-    tau: float = param(unit="s", above=0.0, doc="time constant")
+    tau: float = param(unit="s", above=0.0, tunable=True, doc="time constant")
 
     reached = State(like="actual", doc="speed and turn rate at the coming tick: m/s, rad/s")
 
@@ -186,9 +190,15 @@ class WheelSlip(Block):
     command = Input(Twist, doc="the motors' command")
     actual = Output(Twist, through="command", doc="how the robot moves")
 
-    slip: float = param(0.1, at_least=0.0, at_most=1.0, doc="largest share of speed that is lost")
-    correlation_time: float = param(0.5, unit="s", above=0.0, doc="how long a share lasts")
-    wheel_base: float = param(0.3, unit="m", above=0.0, doc="distance between the wheels")
+    slip: float = param(
+        0.1, at_least=0.0, at_most=1.0, tunable=True, doc="largest share of speed that is lost"
+    )
+    correlation_time: float = param(
+        0.5, unit="s", above=0.0, tunable=True, doc="how long a share lasts"
+    )
+    wheel_base: float = param(
+        0.3, unit="m", above=0.0, tunable=True, doc="distance between the wheels"
+    )
 
     share = State(2, doc="shares that the left and the right wheel lose in the coming step")
 
@@ -224,8 +234,12 @@ class PoseNoise(Block):
     pose = Input(Pose, doc="the true pose")
     measured = Output(Pose, through="pose", doc="the estimate that controllers see")
 
-    sigma_position: float = param(0.05, unit="m", at_least=0.0, doc="deviation of x and of y")
-    sigma_heading: float = param(0.1, unit="rad", at_least=0.0, doc="deviation of theta")
+    sigma_position: float = param(
+        0.05, unit="m", at_least=0.0, tunable=True, doc="deviation of x and of y"
+    )
+    sigma_heading: float = param(
+        0.1, unit="rad", at_least=0.0, tunable=True, doc="deviation of theta"
+    )
 
     noise = State(3, doc="the noise of the coming tick: m, m, rad")
 

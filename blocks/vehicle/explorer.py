@@ -53,17 +53,23 @@ class Explorer(Block):
     command = Output(Twist, doc="speed and turn rate")
     engaged = Output(Scalar, doc="0 while exploring, 1 once a wall was near")
 
-    explore_time: float = param(6.0, unit="s", at_least=0.0, doc="how long to wander")
-    engage_distance: float = param(0.45, unit="m", above=0.0, doc="a wall nearer than this is near")
-    v_r: float = param(0.2, unit="m/s", above=0.0, doc="speed")
-    omega_max: float = param(1.5, unit="rad/s", above=0.0, doc="largest turn rate")
+    explore_time: float = param(6.0, unit="s", at_least=0.0, tunable=True, doc="how long to wander")
+    engage_distance: float = param(
+        0.45, unit="m", above=0.0, tunable=True, doc="a wall nearer than this is near"
+    )
+    v_r: float = param(0.2, unit="m/s", above=0.0, tunable=True, doc="speed")
+    omega_max: float = param(1.5, unit="rad/s", above=0.0, tunable=True, doc="largest turn rate")
     wander_rate: float = param(0.6, unit="rad/s", at_least=0.0, doc="largest random turn rate")
     wander_hold: float = param(1.5, unit="s", above=0.0, doc="how long one of them holds")
     avoid_distance: float = param(
-        0.7, unit="m", above=0.0, doc="nearer things are steered away from"
+        0.7, unit="m", above=0.0, tunable=True, doc="nearer things are steered away from"
     )
-    stop_distance: float = param(0.3, unit="m", above=0.0, doc="nearer things ahead stop the robot")
-    half_width: float = param(0.2, unit="m", above=0.0, doc="half the width to have free ahead")
+    stop_distance: float = param(
+        0.3, unit="m", above=0.0, tunable=True, doc="nearer things ahead stop the robot"
+    )
+    half_width: float = param(
+        0.2, unit="m", above=0.0, tunable=True, doc="half the width to have free ahead"
+    )
     angle_min: float = param(-math.pi, unit="rad", doc="bearing of the first beam, as the Lidar's")
     angle_max: float = param(math.pi, unit="rad", doc="bearing past the last beam, as the Lidar's")
 

@@ -80,12 +80,19 @@ class Bicycle(_ContinuousVehicle):
     v = Input(Scalar, unit="m/s", doc="speed of the rear axle")
     steering = Input(Scalar, unit="rad", doc="angle of the front wheel, left positive")
 
-    wheel_base: float = param(1.0, unit="m", above=0.0, doc="distance between the axles")
+    wheel_base: float = param(
+        1.0, unit="m", above=0.0, tunable=True, doc="distance between the axles"
+    )
     steering_max: float = param(
-        0.5, unit="rad", above=0.0, below=0.5 * math.pi, doc="largest angle of the front wheel"
+        0.5,
+        unit="rad",
+        above=0.0,
+        below=0.5 * math.pi,
+        tunable=True,
+        doc="largest angle of the front wheel",
     )
     v_max: float = param(
-        math.inf, unit="m/s", above=0.0, finite=False, doc="largest speed, either way"
+        math.inf, unit="m/s", above=0.0, finite=False, tunable=True, doc="largest speed, either way"
     )
 
     x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")

@@ -63,12 +63,16 @@ class Lidar(Block):
     scan = Output(Scan("beams"), doc="ranges; inf for a miss")
 
     beams: int = param(360, at_least=1, doc="number of beams")
-    sigma: float = param(0.01, unit="m", at_least=0.0, doc="standard deviation of a range")
+    sigma: float = param(
+        0.01, unit="m", at_least=0.0, tunable=True, doc="standard deviation of a range"
+    )
     range_min: float = param(0.05, unit="m", at_least=0.0, doc="nearer returns are misses")
     range_max: float = param(
         12.0, unit="m", above=0.0, finite=False, doc="farther returns are misses"
     )
-    dropout: float = param(0.0, at_least=0.0, at_most=1.0, doc="probability that a beam is lost")
+    dropout: float = param(
+        0.0, at_least=0.0, at_most=1.0, tunable=True, doc="probability that a beam is lost"
+    )
     angle_min: float = param(-math.pi, unit="rad", doc="bearing of the first beam")
     angle_max: float = param(math.pi, unit="rad", doc="bearing past the last beam")
 

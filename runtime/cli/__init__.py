@@ -9,84 +9,46 @@ from __future__ import annotations
 import argparse
 import io
 import os
-import re
 import signal
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from textwrap import indent
 from types import FrameType
 from typing import NoReturn, TextIO
 
 from blocks.extensions import BrokenPackageError
 from runtime.cli.commands import VERBS, Verb
+from runtime.cli.parser import Parser, examples
 from runtime.cli.problems import report
 from runtime.errors import SpikeblocksError, UsageError, one_line, raised_at
-from runtime.terminal import printable, show, tell
+from runtime.terminal import show, tell
 
-EPILOG = """examples:
-  runtime run line_actuator_failure                  a shipped graph, by name
-  runtime run my.yaml --without adaptive --seed 3    remove a block
-  runtime run my.yaml --set lqr.q='[1, 1, 1]'        change a value
-  runtime run my.yaml --wire lqr.error=error.state   change a wire
+ABOUT = "Simulate control diagrams written in YAML."
+EXAMPLES = """
+runtime run starters/adaptive --vs without=adaptive     a robot, with neurons and without
+runtime new my.yaml                                     a graph of your own, with comments
+runtime graphs                                          what comes with the package
+runtime blocks                                          the library of blocks
 """
+BEGIN = f"""{ABOUT} Begin with one of these:
+{indent(EXAMPLES, "  ").rstrip()}
 
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a usage error in one line, with exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        kinds = {"float": "a number", "int": "an integer"}
-        if wrong := re.fullmatch(r"(argument .*: )invalid (float|int) value: ('.*')", message):
-            message = f"{wrong[1]}expected {kinds[wrong[2]]}, got {wrong[3]}"
-        message = f"{self.prog}: {message}{self._suggestion(message)}"
-        self.exit(2, printable(f"{message}; '{self.prog} --help' shows the usage\n"))
-
-    def _suggestion(self, message: str) -> str:
-        """The verb or option that a misspelt one is close to."""
-        from blocks.core import hint
-
-        choice = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
-        if choice is not None:
-            close = hint(choice[1], re.findall(r"[\w-]+", choice[2]))
-            is_graph = "argument COMMAND" in message and (choice[1].endswith((".yaml", ".yml")))
-            return f", did you mean 'runtime run {choice[1]}'?" if is_graph else close
-        option = re.match(r"unrecognized arguments: (--[\w-]+)", message)
-        if option is None:
-            return ""
-        return hint(option[1], self._option_string_actions)
-
-    def _joined(self, words: Sequence[str], left: str) -> str:
-        """How an option is written that was followed by a word which it does not take."""
-        at = words.index(left) if left in words else 0
-        if at and words[at - 1] == "--resume":
-            return "; --resume takes no folder: it continues the one of --out DIR and --name NAME"
-        action = self._option_string_actions.get(words[at - 2]) if at > 1 else None
-        if action is None or "=" not in str(action.metavar) or "=" in words[at - 1]:
-            return ""
-        return f"; write {words[at - 2]} {words[at - 1]}={left}"
-
-    def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
-        """As in argparse; what a verb does not know is an error of the verb."""
-        words = list(sys.argv[1:] if args is None else args)
-        found, rest = super().parse_known_args(args, namespace)
-        if rest and " " in self.prog:
-            self.error(f"unrecognized arguments: {' '.join(rest)}{self._joined(words, rest[0])}")
-        return found, rest
+'runtime --help' lists the other commands, and 'runtime COMMAND --help' explains one.
+"""
 
 
 def make_parser(verbs: Mapping[str, Verb] | None = None) -> argparse.ArgumentParser:
     """The command line with these verbs; by default with all, those of packages included."""
-    parser = _Parser(
-        prog="runtime",
-        description="Simulate control diagrams written in YAML.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = Parser(prog="runtime", description=ABOUT, epilog=examples(EXAMPLES))
     parser.add_argument("--version", action="store_true", help="print the version and exit")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
 
     for name, verb in (_usable() if verbs is None else verbs).items():
-        verb.add(commands.add_parser(name, help=str(verb.HELP).replace("%", "%%")))
+        told = str(verb.HELP).replace("%", "%%")
+        about = f"{told[:1].upper()}{told[1:].rstrip('.')}.\n\n{getattr(verb, 'ABOUT', '').strip()}"
+        shown = examples(getattr(verb, "EXAMPLES", ""))
+        verb.add(commands.add_parser(name, help=told, description=about.strip(), epilog=shown))
     return parser
 
 
@@ -229,7 +191,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         show(f"spikeblocks {versions()['spikeblocks']}")
         return 0
     if options.command is None:
-        parser.print_help()
+        show(BEGIN.rstrip())
         return 2
     try:
         code = _done(options)

@@ -25,6 +25,8 @@ USES = {
     "experiments": "runtime ablate experiments/NAME",
 }
 FIRST = ("graphs", "starters")
+# The groups whose files run as they are.
+RUNNABLE = (*FIRST, "gallery", "gallery/nengo", "gallery/published")
 
 
 @dataclass(frozen=True)

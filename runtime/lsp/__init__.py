@@ -3,6 +3,6 @@
 A bridge: its door is the verb ``lsp``, and nothing but the table of verbs names it.
 """
 
-from runtime.lsp.verb import HELP, add, run
+from runtime.lsp.verb import EXAMPLES, HELP, add, run
 
-__all__ = ["HELP", "add", "run"]
+__all__ = ["EXAMPLES", "HELP", "add", "run"]

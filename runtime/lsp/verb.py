@@ -8,6 +8,10 @@ from argparse import ArgumentParser, Namespace
 from runtime.errors import MissingExtraError, UsageError
 
 HELP = "the language server for editors: problems, completion, hover, rename while you type"
+EXAMPLES = """
+runtime lsp
+runtime lsp --tcp 7000
+"""
 LOCAL = "127.0.0.1"
 
 

@@ -3,6 +3,6 @@
 A bridge: its door is the verb ``render``, and nothing but the table of verbs names it.
 """
 
-from runtime.rendering.verb import HELP, add, run
+from runtime.rendering.verb import EXAMPLES, HELP, add, run
 
-__all__ = ["HELP", "add", "run"]
+__all__ = ["EXAMPLES", "HELP", "add", "run"]

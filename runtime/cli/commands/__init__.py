@@ -18,7 +18,10 @@ from blocks.extensions import Registry
 
 @runtime_checkable
 class Verb(Protocol):
-    """The interface of a verb's module."""
+    """The interface of a verb's module.
+
+    It may also have ABOUT, paragraphs after its first sentence, and EXAMPLES, commands one a line.
+    """
 
     HELP: str
 
@@ -32,7 +35,7 @@ class Verb(Protocol):
 _HERE = (
     *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "check", "graphs"),
     *("ablate", "sweep", "tune", "fit", "compare", "report", "export", "clean", "plugins"),
-    *("completion", "schema"),
+    *("completion", "schema", "help"),
 )
 _VERB: Any = Verb
 VERBS: Registry[Verb] = Registry(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,17 +29,16 @@ they follow. Changes before the first variant apply to the baseline and to all v
 NAME begins a variant with all changes up to the next --variant. If no variant is given, each block
 is removed in turn: bypassed if it has a pass-through, removed if the graph runs without it, and
 listed as essential otherwise.
-
-  runtime ablate G --without adaptive --replace lqr=PathPID --set lqr.kp=2
-  runtime ablate G --without adaptive --primary error --margin error=0.001
-  runtime ablate G --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
+"""
+EXAMPLES = """
+runtime ablate my.yaml --without adaptive --replace lqr=PathPID --set lqr.kp=2
+runtime ablate my.yaml --without adaptive --primary error --margin error=0.001
+runtime ablate my.yaml --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
 """
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.description = ABOUT.strip()
-    parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml with variants")
     parser.add_argument(
         "--test",

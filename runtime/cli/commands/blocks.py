@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from blocks.core import Block, Variant
 
 HELP = "list the block types, or show one block's ports and parameters"
+EXAMPLES = """
+runtime blocks LQR
+runtime blocks --search delay
+"""
 
 
 def add(parser: ArgumentParser) -> None:

@@ -6,6 +6,7 @@ from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from runtime.cli.parser import CHANGES
 from runtime.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,30 +29,34 @@ def add_graph(parser: ArgumentParser) -> None:
 
 def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = False) -> None:
     """Declare the changes alone; with ``variants``, also ``--variant``."""
-    change = parser.add_argument_group("changes to the graph, applied in the order written")
+    change = parser.add_argument_group(CHANGES)
     for flag, form, text in (
         ("--with", "GRAPH", "overlay a graph, or part of one, as 'extends' does"),
         ("--set", "PATH=YAML", "set an entry: blocks.lqr.q='[1, 1, 1]', params.v_r=2"),
         ("--wire", "INPUT=OUTPUT", "wire an input: lqr.error=error.state"),
         ("--without", "NAME[,NAME]", "remove blocks with their wires"),
-        (
-            "--bypass",
-            "NAME[,NAME]",
-            "replace blocks by a direct wire from their input to their output",
-        ),
+        ("--bypass", "NAME[,NAME]", "wire what goes into blocks to where their output goes"),
         ("--replace", "NAME=TYPE[,...]", "replace a block by one of another type"),
         (
             "--discretize",
             "METHOD[,DT][:NAME,...]",
             "sample continuous blocks by tustin, zoh or matched: tustin,0.01:pid",
         ),
-        ("--from", "RUN", "begin with the states that blocks of the same name had at a run's end"),
-        ("--initial", "ADDRESS=RUN", "so for one block or state: snn.weights=runs/my/latest"),
+        (
+            "--from",
+            "RUN",
+            "begin with the states that a run ended with, in blocks of the same name",
+        ),
+        (
+            "--initial",
+            "ADDRESS=RUN",
+            "begin one block, or one of its states, as a run ended: snn.weights=runs/my/latest",
+        ),
     ):
         change.add_argument(flag, action=_Change, metavar=form, help=text, dest="changes")
     if variants:
         message = "begin a variant with all changes up to the next --variant"
-        change.add_argument(
+        parser.add_argument(
             "--variant", action=_Change, metavar="NAME", help=message, dest="changes"
         )
     if seed:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from blocks.core import Block
 
 HELP = "check the blocks of a Python file against the rules, and say what compiles"
+EXAMPLES = """
+runtime check my.py
+runtime check my.py Backlash --set width=0.2
+"""
 COMPILES = "compiles; each compiled run compares it with its Python form on some ticks"
 EXIT = {"fine": 0, "broken": 1, "not checked": 2}
 

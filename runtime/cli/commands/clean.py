@@ -11,6 +11,10 @@ from runtime.errors import UsageError
 from runtime.terminal import readable_bytes, show, show_json, tell
 
 HELP = "list, recover or remove what killed runs left behind"
+EXAMPLES = """
+runtime clean
+runtime clean runs --recover
+"""
 
 
 def add(parser: ArgumentParser) -> None:

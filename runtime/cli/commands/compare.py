@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from runtime.compare import Comparison
 
 HELP = "overlay runs; list differences in graphs, metrics and probes"
+EXAMPLES = """
+runtime compare runs/a/latest runs/b/latest --labels before,after
+runtime compare runs/a/latest runs/b/latest --exact
+"""
 
 
 def add(parser: ArgumentParser) -> None:

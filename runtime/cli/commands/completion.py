@@ -9,18 +9,15 @@ from runtime.errors import MissingExtraError
 
 HELP = "print a script that completes commands and options in your shell"
 SHELLS = ("bash", "zsh", "tcsh")
-ABOUT = """
-bash: runtime completion bash > ~/.local/share/bash-completion/completions/runtime
-zsh:  runtime completion zsh > ~/.zfunc/_runtime     (with 'fpath+=~/.zfunc' before compinit)
-tcsh: runtime completion tcsh >> ~/.tcshrc
+EXAMPLES = """
+runtime completion bash > ~/.local/share/bash-completion/completions/runtime
+runtime completion zsh > ~/.zfunc/_runtime     (with 'fpath+=~/.zfunc' before compinit)
+runtime completion tcsh >> ~/.tcshrc
 """
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    from argparse import RawDescriptionHelpFormatter
-
-    parser.description, parser.formatter_class = ABOUT.strip(), RawDescriptionHelpFormatter
     parser.add_argument("shell", choices=SHELLS)
 
 

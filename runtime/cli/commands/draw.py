@@ -10,6 +10,10 @@ from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show
 
 HELP = "draw the block diagram: svg, png, pdf, dot, mermaid"
+EXAMPLES = """
+runtime draw my.yaml
+runtime draw my.yaml --without adaptive -o figure.pdf
+"""
 
 
 def add(parser: ArgumentParser) -> None:

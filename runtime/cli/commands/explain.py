@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from runtime.graph import Graph
 
 HELP = "show order, rates and types, and the generated function"
+EXAMPLES = """
+runtime explain my.yaml
+runtime explain my.yaml --engine compiled --code
+"""
 
 
 def add(parser: ArgumentParser) -> None:

@@ -9,6 +9,10 @@ from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show, show_json
 
 HELP = "write a controller, or any blocks of a graph, as C"
+EXAMPLES = """
+runtime export my.yaml c --block lqr
+runtime export my.yaml c --except plant --float32
+"""
 MOST_TICKS = 10_000_000
 
 

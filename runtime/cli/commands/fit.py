@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,16 +22,15 @@ ABOUT = """
 Runs the graph again and again, until its signals are as close as possible to columns of a file: by
 least squares, within the ranges that --vary gives. Prints each number with its 95 % interval, and
 says which numbers the data do not determine.
-
-  runtime fit arm.yaml --vary arm.damping=0..1 --to push.csv:angle=arm.angle
-  runtime fit experiment.yaml --starts 8 --write
+"""
+EXAMPLES = """
+runtime fit arm.yaml --vary arm.damping=0..1 --to push.csv:angle=arm.angle
+runtime fit experiment.yaml --starts 8 --write
 """
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.description = ABOUT.strip()
-    parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml with 'data'")
     parser.add_argument(
         "--vary",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import textwrap
 from argparse import ArgumentParser, Namespace
 from itertools import groupby
 
@@ -12,6 +13,10 @@ from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table
 
 HELP = "list the shipped graphs, starters, worlds, conditions and experiments"
+EXAMPLES = """
+runtime graphs worlds
+runtime graphs --search pendulum
+"""
 BESIDE = 5  # columns of a row that its two cells do not take
 UNLIMITED = 10_000
 
@@ -19,6 +24,9 @@ UNLIMITED = 10_000
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("group", nargs="?", help="one group only, such as worlds")
+    parser.add_argument(
+        "--search", metavar="WORD", help="only what has the word in its name, text or blocks"
+    )
     add_json(parser)
 
 
@@ -34,6 +42,12 @@ def run(options: Namespace) -> int:
             suggestion = hint(options.group, groups) or f"; there are {', '.join(groups)}"
             raise UsageError(f"no group '{options.group}'{suggestion}")
         found = [each for each in found if each.group == options.group]
+    if options.search is not None:
+        word = options.search.lower()
+        # In its own text, so that a search for PID lists the graphs that have such a block.
+        found = [e for e in found if word in f"{e.name} {e.path.read_text('utf-8')}".lower()]
+        if not found:
+            raise UsageError(f"nothing that is shipped has '{options.search}' in its text")
     if options.json:
         show_json(
             {
@@ -48,9 +62,10 @@ def run(options: Namespace) -> int:
     for i, (group, members) in enumerate(groupby(found, key=lambda each: each.group)):
         use = f" ({USES[group]})" if group in USES else ""
         show(f"{chr(10) if i else ''}{group}{use}")
-        show(table([(each.name.ljust(width), _cut(each.summary, room)) for each in members]))
+        rows = [
+            (name if i == 0 else "", line)
+            for name, summary in ((each.name.ljust(width), each.summary) for each in members)
+            for i, line in enumerate(textwrap.wrap(summary, room) or [""])
+        ]
+        show(table(rows))
     return 0
-
-
-def _cut(text: str, room: int) -> str:
-    return text if len(text) <= room else text[: room - 1].rstrip(" ,;:") + "…"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,17 +25,14 @@ plane, with the s that they stand for). The operating point is the start of the 
 --at names, or an equilibrium that --trim finds.
 """
 EXAMPLES = """
-examples:
-  runtime linearize gallery/pid_loop --inputs setpoint.out --outputs gain.out -o step.png
-  runtime linearize gallery/pid_loop --open pid.out --margins -o margins.png
+runtime linearize gallery/pid_loop --inputs setpoint.out --outputs gain.out -o step.png
+runtime linearize gallery/pid_loop --open pid.out --margins -o margins.png
 """
 LOCUS_VALUES = 60
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.description, parser.epilog = ABOUT.strip(), EXAMPLES.strip()
-    parser.formatter_class = RawDescriptionHelpFormatter
     add_graph(parser)
     for flag, form, text in (
         ("--inputs", "PORTS", "inputs of blocks, or outputs that drive the system: p.torque,u.out"),
@@ -60,7 +57,7 @@ def add(parser: ArgumentParser) -> None:
     kind.add_argument("--step", action="store_true", help="rise and settling time, overshoot")
     kind.add_argument("--nyquist", action="store_true", help="Nyquist plot and sensitivity")
     message = "poles while an entry of the graph changes: blocks.pid.kp=0.1..10"
-    kind.add_argument("--rlocus", metavar="PARAM=LOW..HIGH", help=message)
+    kind.add_argument("--rlocus", metavar="PARAM=RANGE", help=message)
     message = "draw: poles and responses, or what was asked for; png, svg, pdf"
     figures.add_argument("-o", "--out", metavar="FILE", help=message)
     add_json(parser)

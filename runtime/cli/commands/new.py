@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,10 @@ if TYPE_CHECKING:
     from runtime.cli.shipped import Shipped
 
 HELP = "begin a graph with a commented starter, or a package of blocks of your own"
+EXAMPLES = """
+runtime new my.yaml
+runtime new my.yaml --from gallery/cart_pole_push
+"""
 DEFAULT = "adaptive"
 
 
@@ -35,29 +40,32 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Write the graph, and the Python file of its own blocks; or list the starters."""
-    from runtime.cli.shipped import schema_line, shipped
+    from runtime.cli.shipped import RUNNABLE, schema_line, shipped
 
     if options.package is not None:
         return _package(options.package, options.file)
     starters = shipped("starters")
     if options.file is None:
         show(table([(each.name, each.summary) for each in starters], indent=""))
-        show("\n'runtime new my.yaml --from NAME' writes one; so it does with a shipped graph.")
+        show("\n'runtime new my.yaml --from NAME' writes one, or any of 'runtime graphs'")
         return 0
     target = Path(options.file)
     if target.suffix not in (".yaml", ".yml"):
         raise UsageError(f"'{target}': expected a file that ends with .yaml, as in my.yaml")
-    source = _chosen(options.start, [*starters, *shipped("graphs")])
+    source = _chosen(options.start, [each for each in shipped() if each.group in RUNNABLE])
     text = source.path.read_text(encoding="utf-8")
     # Its schema is not beside the copy.
     text = text.removeprefix(schema_line(text)).replace("my.yaml", target.name)
+    # Parts are known by their names, too: parts/thalamus.yaml.
+    text = re.sub(r"(\.\./)+(?=\w)", "", text)
     text = text.replace("my.py", f"{target.stem}.py")
     written = {target: text}
-    module = source.path.with_suffix(".py")
-    if module.exists():
-        own = target.with_suffix(".py")
-        written = {target: text.replace(module.name, own.name)}
-        written[own] = module.read_text(encoding="utf-8")
+    # Its own blocks and its data are beside it, and will be beside the copy.
+    for path in sorted(source.path.parent.glob("*")):
+        if path.suffix in (".py", ".csv") and path.name in text:
+            own = target.with_suffix(path.suffix)
+            written = {**written, target: written[target].replace(path.name, own.name)}
+            written[own] = path.read_text(encoding="utf-8")
     _write(written)
     for path in written:
         show(path)
@@ -84,11 +92,13 @@ def _package(name: str, file: str | None) -> int:
 def _chosen(name: str, known: list[Shipped]) -> Shipped:
     from blocks.core import hint
 
-    names = [each.name for each in known]
-    if name not in names:
-        suggestion = hint(name, names) or f"; there are {', '.join(names)}"
-        raise UsageError(f"--from {name}: no such starter{suggestion}")
-    return known[names.index(name)]
+    # A starter and a graph are also known by their short names, the first of a name.
+    by_name = {each.name: each for each in reversed(known) if each.group in ("graphs", "starters")}
+    by_name |= {f"{each.group}/{each.name}": each for each in known}
+    if name not in by_name:
+        suggestion = hint(name, by_name) or "; 'runtime graphs' lists what is shipped"
+        raise UsageError(f"--from {name}: no such starter or graph{suggestion}")
+    return by_name[name]
 
 
 def _write(texts: dict[Path, str], folders: bool = False) -> None:

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from blocks.extensions import Registry
 
 HELP = "list what installed packages offer: blocks, metrics, plots, verbs, ..."
+EXAMPLES = """
+runtime plugins
+runtime plugins --json
+"""
 # Every registry: what its entries are, and where it is.
 REGISTRIES = {
     "blocks": ("types of blocks", "blocks.registry:BLOCKS"),

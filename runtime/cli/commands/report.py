@@ -10,6 +10,10 @@ from runtime.arguments import add_json
 from runtime.terminal import show, show_json
 
 HELP = "write one self-contained HTML file about a run, a sweep, an ablation or a tuning"
+EXAMPLES = """
+runtime report runs/adaptive_line/latest
+runtime report sweeps/adaptive_line -o sweep.html
+"""
 
 
 def add(parser: ArgumentParser) -> None:

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from runtime.runs import Result
 
 HELP = "simulate, record, draw the probes, print the metrics"
+EXAMPLES = """
+runtime run starters/adaptive --vs without=adaptive
+runtime run my.yaml --set lqr.q='[1, 1, 1]' --seed 3
+"""
 
 
 def add(parser: ArgumentParser) -> None:
@@ -303,7 +307,7 @@ def _print_result(
         others = {("now", "before"): before}
     _tell_notes(result.notes, options)
     simulated, per_tick = manifest["ticks"] * manifest["dt"], manifest["us_per_tick"]
-    per_tick = "" if per_tick is None else f"{number(per_tick)} us a tick, "
+    per_tick = "" if per_tick is None else f"{number(per_tick)} µs a tick, "
     show(
         f"{result.title}: {simulated:g} {result.time_unit} in {manifest['wall_s']:.2f} s "
         f"({per_tick}{manifest['engine']} engine), "

@@ -7,13 +7,15 @@ from argparse import ArgumentParser, Namespace
 from runtime.terminal import show_json
 
 HELP = "print a JSON Schema of graph files, for editors without the language server"
+ABOUT = "The first line '# yaml-language-server: $schema=FILE' of a graph names the schema."
+EXAMPLES = """
+runtime schema > graph.schema.json
+runtime schema | head
+"""
 
 
 def add(parser: ArgumentParser) -> None:
-    """Declare the options."""
-    parser.description = (
-        "The first line '# yaml-language-server: $schema=FILE' of a graph names the schema."
-    )
+    """Declare the options: there are none."""
 
 
 def run(options: Namespace) -> int:

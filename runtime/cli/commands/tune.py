@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,16 +27,15 @@ ABOUT = """
 The values of the factors are found by an optimiser on the training runs: every condition with every
 training seed. The winners are then run on held-out seeds and conditions, beside the graph's own
 values. Several objectives give a front.
-
-  runtime tune G --vary lqr.q.1='log(1..1000)' --minimize error --constrain 'effort below 0.3'
-  runtime tune experiment.yaml --trials 200 -j 8 --write
+"""
+EXAMPLES = """
+runtime tune my.yaml --vary lqr.q.1='log(1..1000)' --minimize error --constrain 'effort below 0.3'
+runtime tune experiment.yaml --trials 200 -j 8 --write
 """
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.description = ABOUT.strip()
-    parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml")
     add_factors(parser)
     _add_search(parser)

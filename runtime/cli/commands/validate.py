@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from runtime.language import Diagnostic, Model
 
 HELP = "check graphs, parts, worlds and experiments without running them"
+EXAMPLES = """
+runtime validate my.yaml
+runtime validate graphs/*.yaml --quiet
+"""
 
 
 def add(parser: ArgumentParser) -> None:

@@ -246,3 +246,22 @@ def test_dimensions_that_do_not_fit() -> None:
     made = channel().add("next", blocks.Ensemble(neurons=5, dimensions=3))
     with pytest.raises(runtime.GraphError, match=r"out.*2.*3|expected Vector\(3\)"):
         made.connect("out.value", "next.input").check()
+
+
+@pytest.mark.parametrize(
+    "synapse",
+    [0.01, "alpha(0.02)", "triangle(0.01)", {"type": "linear", "num": [9], "den": [0.1, 1, 9]}],
+)
+def test_a_synapse_behind_a_decoder_is_the_decoders(synapse: Any) -> None:
+    """As for the arrays of ensembles whose output has no synapse and is filtered behind."""
+    made = channel(synapse=synapse).add("plain", blocks.Decoder(synapse="none"))
+    made = made.add("behind", blocks.SynapticFilter(synapse=synapse))
+    made = made.connect("snn.spikes", "plain.spikes").connect("plain.value", "behind.input")
+    made = made.set("plain.eval_points", [[1, 0], [0, 1], [-1, 0.5]])
+    made = made.set("out.eval_points", [[1, 0], [0, 1], [-1, 0.5]])
+    made = made.probe("out.value").probe("behind.out").set("run.until", 0.1)
+    for engine in ("python", "compiled"):
+        found = made.run(engine=engine)
+        assert found.manifest["engine_notes"] == []
+        assert found["out.value"].any()
+        np.testing.assert_allclose(found["behind.out"], found["out.value"], rtol=0.0, atol=1e-12)

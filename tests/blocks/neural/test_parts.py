@@ -14,7 +14,7 @@ from scipy import stats
 from blocks.core import SettingError
 from blocks.neural.decoder_solvers import DecoderSolver, Lasso, SingularError, ridge
 from blocks.neural.distributions import Distribution
-from blocks.neural.synapses import Synapse
+from blocks.neural.synapses import Synapse, passed, remember
 
 DT = 0.001
 
@@ -104,19 +104,30 @@ SYNAPSES = [
     ("alpha(0.02)", nengo.Alpha(0.02)),
     ("second_order(50, 0.4)", nengo.LinearFilter([2500.0], [1.0, 40.0, 2500.0])),
     (1e-5, nengo.Lowpass(1e-5)),
+    ("triangle(0.0204)", nengo.Triangle(0.0204)),
+    ("triangle(0.0003)", nengo.Triangle(0.0003)),
+    ({"type": "linear", "num": [1, 2], "den": [1, 300]}, nengo.LinearFilter([1, 2], [1, 300])),
+    (
+        {"type": "linear", "num": [1e4, 5], "den": [2, 30, 200, 1e4]},
+        nengo.LinearFilter([1e4, 5], [2, 30, 200, 1e4]),
+    ),
+    ({"type": "linear", "num": [5], "den": [0.01, 5]}, nengo.LinearFilter([5], [0.01, 5])),
 ]
 
 
 @pytest.mark.parametrize(("written", "theirs"), SYNAPSES, ids=[str(s) for s, _ in SYNAPSES])
 def test_synapses_are_nengos(written: object, theirs: nengo.synapses.Synapse) -> None:
     u = np.random.default_rng(0).standard_normal(300)
-    a, b = Synapse.read(written).matrices(DT)
-    x, found = np.zeros(len(b)), []
+    synapse = Synapse.read(written)
+    a, b = synapse.matrices(DT)
+    assert Synapse.read(synapse.written()) == synapse
+    assert synapse.order_at(DT) == len(b)
+    x, found = np.zeros((len(b), 1)), []
     for value in u:
-        x = a @ x + b * value
-        found.append(x[-1])
+        found.append(passed(x, a, b, np.array([value])))
+        remember(x, a, b, np.array([value]), found[-1])
     np.testing.assert_allclose(
-        found, theirs.filt(u[:, None], dt=DT, y0=0.0)[:, 0], rtol=1e-10, atol=1e-13
+        found, theirs.filt(u[:, None], dt=DT, y0=0.0), rtol=1e-10, atol=1e-13
     )
 
 
@@ -128,6 +139,8 @@ def test_synapses_are_nengos(written: object, theirs: nengo.synapses.Synapse) ->
         ("alpha(0)", "tau: expected a number above 0 s"),
         (-1, "tau: expected a number above 0 s"),
         ("fast", "expected a synapse"),
+        ({"type": "linear", "num": [1], "den": [2]}, "den: expected two coefficients or more"),
+        ({"type": "linear", "num": [1, 2, 3], "den": [2, 1]}, "num: expected up to 2 coefficients"),
     ],
 )
 def test_wrong_synapses(written: object, message: str) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import runtime
+from runtime.cli import run
 from runtime.cli.shipped import shipped, summary
 from runtime.terminal import in_colour
 from tests.conftest import Run
@@ -63,7 +64,7 @@ def test_a_shipped_graph_can_be_copied(cli: Run, tmp_path: Path) -> None:
     [
         (["there.yaml"], "'there.yaml' exists already; choose another name, or remove it"),
         (["a.txt"], "'a.txt': expected a file that ends with .yaml, as in my.yaml"),
-        (["a.yaml", "--from", "adaptiv"], "no such starter, did you mean 'adaptive'?"),
+        (["a.yaml", "--from", "adaptiv"], "no such starter or graph, did you mean 'adaptive'?"),
         (["no/a.yaml"], "cannot write 'no/a.yaml': No such file or directory"),
     ],
 )
@@ -293,3 +294,33 @@ def test_a_part_in_place_of_a_graph_is_one_problem(cli: Run) -> None:
     (line,) = [line for line in done.stderr.splitlines() if ".yaml:" in line]
     assert "speed_input, speed_error, turn_input, turn_error have no defaults" in line
     assert line.endswith("{name: {graph: FILE}}, needs none")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cart_pole_push",
+        "recorded_push",  # with its data
+        "zero_order_hold",  # which extends another one
+        "circular_convolution",  # with a part
+    ],
+)
+def test_a_copy_of_the_gallery_is_valid_where_it_is(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "own.yaml", "--from", f"gallery/{name}"]) == 0
+    assert run(["validate", "own.yaml", "-q"]) == 0, capsys.readouterr().err
+    assert (tmp_path / "own.csv").exists() == (name == "recorded_push")
+
+
+def test_shipped_graphs_are_searched_by_word_and_by_block(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["graphs", "gallery", "--search", "thermoSTAT"]) == 0
+    group, found = capsys.readouterr().out.splitlines()
+    assert group.startswith("gallery (run one")
+    assert found.split()[0] == "thermostat"
+    assert run(["graphs", "--search", "type: Relay", "--json"]) == 0
+    assert "thermostat" in json.loads(capsys.readouterr().out)["gallery"]
+    assert run(["graphs", "--search", "no such word"]) == 2

@@ -221,6 +221,13 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
         Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
     ],
+    "SynapticFilter": [
+        Case(blocks.SynapticFilter(synapse="triangle(0.005)"), dt=0.001),
+        Case(
+            blocks.SynapticFilter(synapse={"type": "linear", "num": [1, 2], "den": [1, 30]}),
+            dt=0.001,
+        ),
+    ],
     "Weights": [Case(blocks.Weights(weights=WEIGHTS, learning={"rule": "bcm"}), dt=0.001)],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),

@@ -1,0 +1,117 @@
+"""The parser of a command line: its usage errors, and its help.
+
+In: a verb's description, options and examples. Out: help that begins with what the verb does and
+ends with examples; the options that change a graph are named there, and explained once, by
+``runtime help changes``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import textwrap
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+from runtime.terminal import printable
+
+CHANGES = "changes to the graph"
+
+
+def examples(text: str) -> str:
+    """The end of a help text: a verb's commands, one a line."""
+    return f"examples:\n{textwrap.indent(text.strip(), '  ')}" if text.strip() else ""
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Paragraphs as wide as the terminal; lines that are indented stay as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        room = {"initial_indent": indent, "subsequent_indent": indent, "break_on_hyphens": False}
+        return "\n\n".join(
+            each if "\n  " in each else textwrap.fill(each, width, **room)  # type: ignore[arg-type]
+            for each in text.split("\n\n")
+        )
+
+
+class Parser(argparse.ArgumentParser):
+    """Reports a usage error in one line, with exit code 2.
+
+    explains : whether its help explains the options that change a graph; else it names them.
+    """
+
+    explains = False
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"formatter_class": _Help, **options})
+
+    def format_help(self) -> str:
+        """The help text, which begins with what the verb does."""
+        with self._brief():
+            text = super().format_help()
+        if not self.description:
+            return text
+        usage, about, rest = text.split("\n\n", 2)
+        return f"{about}\n\n{usage}\n\n{rest}"
+
+    def format_usage(self) -> str:
+        """The usage alone."""
+        with self._brief():
+            return super().format_usage()
+
+    @contextmanager
+    def _brief(self) -> Iterator[None]:
+        """While it is open, the group of changes has no options, but a sentence that names them."""
+        actions, groups = self._actions, self._action_groups
+        found = [group for group in groups if group.title == CHANGES]
+        if found and not self.explains:
+            hidden = found[0]._group_actions
+            named = ", ".join(action.option_strings[0] for action in hidden)
+            short = argparse._ArgumentGroup(self, CHANGES, f"{named}: 'runtime help changes'")
+            self._actions = [action for action in actions if action not in hidden]
+            self._action_groups = [short if group is found[0] else group for group in groups]
+        try:
+            yield
+        finally:
+            self._actions, self._action_groups = actions, groups
+
+    def error(self, message: str) -> NoReturn:
+        kinds = {"float": "a number", "int": "an integer"}
+        if wrong := re.fullmatch(r"(argument .*: )invalid (float|int) value: ('.*')", message):
+            message = f"{wrong[1]}expected {kinds[wrong[2]]}, got {wrong[3]}"
+        message = f"{self.prog}: {message}{self._suggestion(message)}"
+        self.exit(2, printable(f"{message}; '{self.prog} --help' shows the usage\n"))
+
+    def _suggestion(self, message: str) -> str:
+        """The verb or option that a misspelt one is close to."""
+        from blocks.core import hint
+
+        choice = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
+        if choice is not None:
+            close = hint(choice[1], re.findall(r"[\w-]+", choice[2]))
+            is_graph = "argument COMMAND" in message and (choice[1].endswith((".yaml", ".yml")))
+            return f", did you mean 'runtime run {choice[1]}'?" if is_graph else close
+        option = re.match(r"unrecognized arguments: (--[\w-]+)", message)
+        if option is None:
+            return ""
+        return hint(option[1], self._option_string_actions)
+
+    def _joined(self, words: Sequence[str], left: str) -> str:
+        """How an option is written that was followed by a word which it does not take."""
+        at = words.index(left) if left in words else 0
+        if at and words[at - 1] == "--resume":
+            return "; --resume takes no folder: it continues the one of --out DIR and --name NAME"
+        action = self._option_string_actions.get(words[at - 2]) if at > 1 else None
+        if action is None or "=" not in str(action.metavar) or "=" in words[at - 1]:
+            return ""
+        return f"; write {words[at - 2]} {words[at - 1]}={left}"
+
+    def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
+        """As in argparse; what a verb does not know is an error of the verb."""
+        words = list(sys.argv[1:] if args is None else args)
+        found, rest = super().parse_known_args(args, namespace)
+        if rest and " " in self.prog:
+            self.error(f"unrecognized arguments: {' '.join(rest)}{self._joined(words, rest[0])}")
+        return found, rest
