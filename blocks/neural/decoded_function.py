@@ -1,8 +1,10 @@
 """The function that a decoder computes of what an ensemble represents.
 
-In: expressions of ``x`` as a graph writes them. Out: its values at points, before a run::
+In: expressions of ``x`` as a graph writes them, a table, or a function for each group. Out: its
+values at points, before a run::
 
     DecodedFunction.read(["x[0]*x[1]", "x[0]**2"]).of_points(points)      # (m, d) to (m, 2)
+    DecodedFunction.read({"points": [-1, 0, 1], "targets": [1, 0, 1]})
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from blocks.core import (
     Setting,
     SettingError,
     expression_function,
+    plain,
     show,
 )
 
@@ -34,30 +37,86 @@ class PointError(ArithmeticError):
 class DecodedFunction(Setting):
     """Expressions of the components of ``x``: ``x[0]*x[1]``, or a list with one per component.
 
-    In one dimension, ``x`` is the number itself.
+    In one dimension, ``x`` is the number itself. ``{points: [...], targets: [...]}`` is a function
+    that is known at these points alone, a row each, and ``{each: ["x", "x**2"]}`` is one function
+    for each group.
     """
 
-    expected: ClassVar[str] = "an expression such as x[0]*x[1], or a list of them"
+    expected: ClassVar[str] = (
+        "an expression such as x[0]*x[1], a list of them, {points: [...], targets: [...]}, or "
+        "{each: [...]} with a function for each group"
+    )
 
-    def __init__(self, texts: str | tuple[str, ...]) -> None:
-        self.texts = texts
+    def __init__(
+        self,
+        texts: str | tuple[str, ...] = (),
+        table: tuple[FloatArray, FloatArray] | None = None,
+        each: tuple[DecodedFunction, ...] = (),
+    ) -> None:
+        self.texts, self.table, self.each = texts, table, each
 
     @classmethod
     def read(cls, written: Any) -> DecodedFunction:
+        if isinstance(written, dict):
+            return cls._of_mapping(written)
         items = written if isinstance(written, (list, tuple)) else [written]
         texts = [_text(item) for item in items]
         if not texts:
             raise SettingError([("", f"expected {cls.expected}, got {show(written)}")])
         return cls(texts[0] if not isinstance(written, (list, tuple)) else tuple(texts))
 
+    @classmethod
+    def _of_mapping(cls, written: dict[str, Any]) -> DecodedFunction:
+        if written.keys() == {"each"} and isinstance(written["each"], list) and written["each"]:
+            return cls(each=tuple(cls.read(item) for item in written["each"]))
+        if written.keys() != {"points", "targets"}:
+            raise SettingError([("", f"expected {cls.expected}, got {show(written)}")])
+        table = []
+        for name in ("points", "targets"):
+            try:
+                rows = np.array(written[name], dtype=float)
+            except (TypeError, ValueError):
+                rows = np.array(math.nan)
+            if rows.ndim not in (1, 2) or not rows.size or not np.isfinite(rows).all():
+                raise SettingError([(name, "expected finite numbers, or rows of them")])
+            table.append(rows.reshape(len(rows), -1))
+        points, targets = table
+        if len(points) != len(targets):
+            message = f"expected a target for each of {len(points)} points, got {len(targets)}"
+            raise SettingError([("targets", message)])
+        return cls(table=(points, targets))
+
     def written(self) -> Any:
+        if self.table is not None:
+            return {"points": plain(self.table[0]), "targets": plain(self.table[1])}
+        if self.each:
+            return {"each": [function.written() for function in self.each]}
         return self.texts if isinstance(self.texts, str) else list(self.texts)
+
+    def of_group(self, group: int) -> DecodedFunction:
+        """The function of one group."""
+        return self.each[group] if self.each else self
+
+    def wrong_for(self, groups: int, d: int, own: OwnNames) -> str:
+        """Why it does not fit so many groups of d dimensions; '' if it does."""
+        if self.each and len(self.each) != groups:
+            return f"expected a function for each of {groups} groups, got {len(self.each)}"
+        if len({function.components(d, own) for function in self.each}) > 1:
+            return "expected functions with as many components each"
+        widths = [part.table[0].shape[1] for part in (self, *self.each) if part.table is not None]
+        if any(width != d for width in widths):
+            return f"expected points of {d} numbers, as the ensemble has dimensions"
+        return ""
 
     def components(self, d: int, own: OwnNames) -> int:
         """The length of the value at a point of d dimensions, as far as the expressions are valid.
 
         ``own`` are the constants and definitions that the expressions name.
         """
+        if self.table is not None:
+            return len(self.table[1][0])
+        if self.each:
+            return self.each[0].components(d, own)
         try:
             return int(np.size(self._function(d, own)([0.5] * d)))
         except (ArithmeticError, ValueError):
@@ -71,6 +130,8 @@ class DecodedFunction(Setting):
         SettingError : an expression is wrong for d dimensions.
         PointError : naming a point where the function fails.
         """
+        if self.table is not None:
+            return self.table[1]
         function = self._function(points.shape[1], own)
         values = np.empty((len(points), self.components(points.shape[1], own)))
         for i, point in enumerate(points.tolist()):

@@ -97,6 +97,13 @@ class Decoder(Solved):
         if self.learning is not None and not wires:
             message = f"{self._rule} learns from an error, and the input 'error' is not connected"
             raise ParameterError([("learning", message)])
+        if self.learning is not None and self.groups_out(context.lengths) < context.lengths.get(
+            "groups", 1
+        ):
+            message = (
+                "a matrix that mixes groups does not learn; let the Decoder learn, and a Gain mix"
+            )
+            raise ParameterError([("transform", message)])
         # P would be block-diagonal, one n x n block per group, and is declared as one matrix.
         if self._rule == "rls" and context.lengths.get("groups", 1) > 1:
             raise ParameterError([("learning", "rls does not learn in groups; use pes")])
@@ -107,10 +114,10 @@ class Decoder(Solved):
         state.groups, state.error = 1, math.nan
         state.rule, state.by_spikes = self._rule, self.filter == "spikes"
         if self.weights_given is not None:
-            state.weights[...] = self.weights_given
+            state.weights[...], state.groups = self.weights_given, self.groups_given
         else:
             tuning: Tuning = state.published["spikes"]
-            state.groups = tuning.groups
+            state.groups = self.groups_out(state.context.lengths)
             state.weights[...], state.error = self.solve(state.rng, tuning)
         state.gamma = state.quick = 0.0
         if self.learning is not None:
@@ -126,7 +133,7 @@ class Decoder(Solved):
             state.quick = float(b[0])
 
     def stack_key(self, context: BlockContext) -> Hashable:
-        groups = context.lengths.get("groups", 1) if self.weights_given is None else 1
+        groups = self.groups_out(context.lengths)
         rule = self.learning
         # Learning in groups, and P of recursive least squares, stay with each block.
         if rule is not None and (self._rule != "pes" or groups > 1):

@@ -52,7 +52,7 @@ class Solved(Block, ABC):
     out = Output(Vector("k"), name="value", doc="the decoded value")
 
     function: DecodedFunction | None = param(
-        None, doc="expressions of x, the represented vector; default x itself"
+        None, doc="of x, the represented vector: expressions, or a table; default x itself"
     )
     constants: Constants | None = param(
         None, doc="names that the function uses, with their values: {k: 2.5}"
@@ -61,10 +61,15 @@ class Solved(Block, ABC):
         None, doc="names with expressions that the function uses: {r: norm(x)}"
     )
     transform: FloatArray | None = param(
-        None, shape=[(), (None, None)], doc="a factor, or a matrix, that the value is multiplied by"
+        None,
+        shape=[(), (None, None)],
+        doc="a factor or matrix that multiplies the value: of each group, or of all together",
     )
     weights_given: FloatArray | None = param(
         None, name="weights", shape=(None, None), doc="weights, in place of solved ones"
+    )
+    groups_given: int = param(
+        1, at_least=1, name="groups", doc="groups of neurons, each with columns of ``weights``"
     )
     eval_points: Distribution | None = param(
         None, doc="points to solve on, per radius, a row each; default drawn within the radius"
@@ -82,7 +87,7 @@ class Solved(Block, ABC):
         if self.weights_given is None:
             return {}
         rows, n = self.weights_given.shape
-        return {"rows": rows, "k": rows, "n": n}
+        return {"rows": rows, "k": rows * self.groups_given, "n": n}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         if self.weights_given is not None or "d" not in lengths or "groups" not in lengths:
@@ -90,7 +95,18 @@ class Solved(Block, ABC):
         rows = self._components(max(1, lengths["d"] // lengths["groups"]))
         if self.transform is not None and self.transform.ndim == 2:
             rows = self.transform.shape[0]
-        return {"rows": rows, "k": rows * lengths["groups"]}
+        return {"rows": rows, "k": rows * self.groups_out(lengths)}
+
+    def groups_out(self, lengths: Mapping[str, int]) -> int:
+        """The groups that values are decoded for: one where a matrix mixes those of the neurons."""
+        if self.weights_given is not None:
+            return self.groups_given
+        groups = lengths.get("groups", 1)
+        matrix = self.transform
+        if groups == 1 or matrix is None or matrix.ndim != 2:
+            return groups
+        inside = self._components(max(1, lengths["d"] // groups))
+        return 1 if matrix.shape[1] == groups * inside else groups
 
     def _components(self, d: int) -> int:
         """The length of the function's value at a point of d dimensions."""
@@ -109,8 +125,19 @@ class Solved(Block, ABC):
             for name, names in (("constants", self.constants), ("let", self.let))
             for _, text in misnamed(names or (), variables)
         ]
+        if not fixed and self.groups_given > 1:
+            message = "belongs to 'weights'; without them the groups are those of the ensemble"
+            problems.append(("groups", message))
+        if self.weights_given is not None and self.weights_given.shape[1] % self.groups_given:
+            columns = f"{self.weights_given.shape[1]} columns of 'weights'"
+            problems.append(("groups", f"{columns} cannot be divided among {self.groups_given}"))
         if problems:
             raise ParameterError(problems)
+        if self.function is not None and self.eval_points is not None:
+            parts = (self.function, *self.function.each)
+            if any(part.table is not None for part in parts):
+                message = "a table has points of its own; remove one of the two"
+                raise ParameterError([("eval_points", message)])
         if fixed and both:
             message = "weights that are given are used as they are; remove one of the two"
             raise ParameterError([(name, message) for name in both])
@@ -123,19 +150,24 @@ class Solved(Block, ABC):
             raise ParameterError([("spikes", message)])
         groups, d = context.lengths["groups"], context.lengths["d"]
         problems = []
-        wired, own = context.types["value"].shape[0], context.lengths["rows"] * groups
+        out = self.groups_out(context.lengths)
+        wired, own = context.types["value"].shape[0], context.lengths["rows"] * out
         if wired != own:
             message = f"the decoded value has {own} numbers, but {wired} are expected where it goes"
             problems.append(("function" if self.transform is None else "transform", message))
         inside = self._components(d // groups)
-        if self.transform is not None and self.transform.ndim == 2:
-            if groups > 1:
-                message = "with groups, expected a number; a matrix would mix the groups"
-                problems.append(("transform", message))
-            elif self.transform.shape[1] != inside:
-                message = f"expected a matrix with {inside} columns, got {self.transform.shape}"
-                problems.append(("transform", message))
-        problems += self._unusable(d // groups, context.published.get("spikes"))
+        matrix = self.transform
+        own_groups = matrix is not None and matrix.ndim == 2 and out == groups
+        if matrix is not None and own_groups and matrix.shape[1] != inside:
+            message = f"expected a matrix with {inside} columns, got {matrix.shape}"
+            message += f"; {groups * inside} columns mix the groups" if groups > 1 else ""
+            problems.append(("transform", message))
+        if self.function is not None:
+            wrong = self.function.wrong_for(groups, d // groups, self._own_names)
+            if wrong:
+                raise ParameterError([("function", wrong)])
+        for group in range(groups if self.function is not None and self.function.each else 1):
+            problems += self._unusable(d // groups, context.published.get("spikes"), group)
         if problems:
             raise ParameterError(problems)
 
@@ -147,7 +179,7 @@ class Solved(Block, ABC):
             "wire the spikes of an Ensemble directly, or give 'weights'"
         )
 
-    def _unusable(self, d: int, source: Block | None) -> list[tuple[str, str]]:
+    def _unusable(self, d: int, source: Block | None, group: int) -> list[tuple[str, str]]:
         """What is wrong with the points, or with the function at some of them.
 
         Points that are drawn are others than those of a run, of the same distribution.
@@ -156,28 +188,33 @@ class Solved(Block, ABC):
         if isinstance(source, Ensemble):
             neurons, radius = source.neurons, source.radius
         try:
-            points = self._points(np.random.default_rng(0), neurons, d, radius)
+            points = self._points(np.random.default_rng(0), neurons, d, radius, group)
         except ValueError as error:
             return [("eval_points", str(error))]
         try:
-            self._targets(points)
+            self._targets(points, group)
         except SettingError as error:
             return [("function", error.problems[0][1])]
         except PointError as error:
             return [("function", str(error))]
         return []
 
-    def _targets(self, points: FloatArray) -> FloatArray:
+    def _targets(self, points: FloatArray, group: int) -> FloatArray:
         if self.function is None:
             return points
-        return self.function.of_points(points, self._own_names)
+        return self.function.of_group(group).of_points(points, self._own_names)
 
     @property
     def _own_names(self) -> OwnNames:
         return self.constants, self.let
 
-    def _points(self, rng: np.random.Generator, n: int, d: int, radius: float) -> FloatArray:
+    def _points(
+        self, rng: np.random.Generator, n: int, d: int, radius: float, group: int
+    ) -> FloatArray:
         """Evaluation points (m, d)."""
+        table = None if self.function is None else self.function.of_group(group).table
+        if table is not None:
+            return table[0]
         distribution = self.eval_points
         if distribution is None:
             distribution = Distribution("ball")
@@ -198,9 +235,9 @@ class Solved(Block, ABC):
         for group in range(tuning.groups):
             # Each group has points of its own, as each ensemble of Nengo's has: with shared ones
             # the errors of the groups would be alike.
-            points = self._points(rng, n, tuning.dimensions, tuning.radius)
+            points = self._points(rng, n, tuning.dimensions, tuning.radius, group)
             try:
-                targets = self._targets(points)
+                targets = self._targets(points, group)
             except PointError as error:
                 raise ParameterError([("function", str(error))], type(self).__name__) from None
             decoders, wrong = np.zeros((n, targets.shape[1])), 0.0
@@ -212,15 +249,18 @@ class Solved(Block, ABC):
                     raise ParameterError([("solver", str(error))], type(self).__name__) from None
                 wrong = rmse(rates, targets, decoders)
             errors.append(wrong)
-            solved.append(self._transformed(decoders.T))
+            solved.append(self._transformed(decoders.T, group))
         return np.hstack(solved), math.sqrt(sum(e * e for e in errors) / len(errors))
 
-    def _transformed(self, weights: FloatArray) -> FloatArray:
+    def _transformed(self, weights: FloatArray, group: int) -> FloatArray:
         if self.transform is None:
             return weights
         if self.transform.ndim == 0:
             return weights * self.transform
-        return np.asarray((self.transform[:, :, None] * weights[None]).sum(axis=1))
+        inside, matrix = len(weights), self.transform
+        if matrix.shape[1] > inside:  # it mixes the groups
+            matrix = matrix[:, group * inside : (group + 1) * inside]
+        return np.asarray((matrix[:, :, None] * weights[None]).sum(axis=1))
 
 
 def decode(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         unknown_call,
     )
     from runtime.codegen.unit import Unit, Writer
+    from runtime.codegen.ziggurat import draws_text
 else:  # Imported where something is written, not at every start.
     __getattr__ = door(__name__)
 
@@ -62,6 +63,7 @@ __all__ = [
     "Unit",
     "Writer",
     "apart",
+    "draws_text",
     "leaves",
     "support",
     "unknown_call",

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from runtime.codegen.scopes import separated, uncertain
 from runtime.codegen.types import Type
-from runtime.codegen.ziggurat import draws
+from runtime.codegen.ziggurat import draws_text
 
 # The comment at a ``for`` whose rounds may be done in any order, or at once.
 ANY_ORDER = "any order"
@@ -200,10 +200,10 @@ def _support() -> str:
 
 def support(text: str = "") -> str:
     """What a unit with this text begins with."""
-    return _support() + (draws() if "draw_" in text else "")
+    return _support() + (draws_text() if "draw_" in text else "")
 
 
 def apart(text: str) -> str:
     """The text of a unit without what it begins with."""
     own = text.replace(_support(), "")
-    return own.replace(draws(), "") if "draw_" in own else own
+    return own.replace(draws_text(), "") if "draw_" in own else own

@@ -59,7 +59,7 @@ def template() -> str:
 
 
 @cache
-def draws() -> str:
+def draws_text() -> str:
     """C text of PCG64 and of the draws from it, with the tables."""
     text = template()
     with localcontext() as context:

@@ -25,7 +25,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from runtime.compiler.cache import Records, salt
     from runtime.compiler.fields import NotCompilableError, bits_of, fixed_sizes, plain, written
-    from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
+    from runtime.compiler.kernel import PROJECT, Kernel, calls_of, enclosed, make_kernel, refusals
     from runtime.compiler.translate import translate_functions
 else:  # Imported where something is translated: most starts find everything in the cache.
     __getattr__ = door(__name__)
@@ -37,6 +37,7 @@ __all__ = [
     "Records",
     "bits_of",
     "calls_of",
+    "enclosed",
     "fixed_sizes",
     "make_kernel",
     "plain",

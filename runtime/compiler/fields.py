@@ -61,6 +61,8 @@ def plain(value: Any, name: str) -> Any:
 def bits_of(generator: np.random.Generator, name: str) -> np.ndarray[Any, Any]:
     """The state of a generator where NumPy has it, as the words of ``struct draws``.
 
+    The array does not keep the generator alive.
+
     Raises
     ------
     NotCompilableError : it is no PCG64, or NumPy keeps it in another form than on usual machines.

@@ -42,6 +42,7 @@ FUNCTION = re.compile(
 STRUCT = re.compile(r"^struct (\w+) \{$", re.MULTILINE)
 PROTOTYPE = re.compile(r"^void \w+\(.*\);\n\n", re.MULTILINE)
 METHOD = re.compile(r"^void (?=\w+\()", re.MULTILINE)
+METHODS = re.compile(r"^void (\w+)\(", re.MULTILINE)
 CALL, TAG = re.compile(r"\b(\w+)\("), re.compile(r"\bstruct (\w+)\b")
 Failure = tuple[str, str, str, int]
 Shapes = Sequence[tuple[int, ...]]
@@ -85,14 +86,10 @@ class Kernel:
     def enclosed(self, prefix: str) -> Kernel:
         """The same for a unit with other blocks: without the support that a unit begins with, and
         with static functions ``<prefix>_...``, of which the methods are ``<prefix>__...``."""
-        text = METHOD.sub("static void ", PROTOTYPE.sub("", apart(self.text)))
-        calls = {name: f"{prefix}_{name}" for name in FUNCTION.findall(text)}
         symbols = {method: f"{prefix}__{method}" for method in self.symbols}
-        calls |= {symbol: symbols[method] for method, symbol in self.symbols.items()}
-        tags = {name: f"{prefix}_{name}" for name in STRUCT.findall(text)}
-        text = CALL.sub(lambda found: f"{calls.get(found[1], found[1])}(", text)
-        text = TAG.sub(lambda found: f"struct {tags.get(found[1], found[1])}", text)
-        struct = f"struct {tags['entries']}"
+        renamed = {symbol: symbols[method] for method, symbol in self.symbols.items()}
+        text = enclosed(self.text, prefix, renamed)
+        struct = f"struct {prefix}_entries"
         return replace(self, text=text, symbols=symbols, prototypes=[], struct=struct)
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
@@ -102,6 +99,22 @@ class Kernel:
     def fits(self, block: Block, state: BlockState) -> bool:
         """Whether the constants and shapes in the text are those of this run."""
         return self.inputs.fit(block, state)
+
+
+def enclosed(text: str, prefix: str, renamed: Mapping[str, str] | None = None) -> str:
+    """The text of a unit as a part of another one: its functions and structs begin with a prefix.
+
+    Parameters
+    ----------
+    renamed : the names of functions that others call; by default, these stay as they are.
+    """
+    if renamed is None:
+        renamed = {name: name for name in METHODS.findall(text)}
+    text = METHOD.sub("static void ", PROTOTYPE.sub("", apart(text)))
+    calls = {name: f"{prefix}_{name}" for name in FUNCTION.findall(text)} | dict(renamed)
+    tags = {name: f"{prefix}_{name}" for name in STRUCT.findall(text)}
+    text = CALL.sub(lambda found: f"{calls.get(found[1], found[1])}(", text)
+    return TAG.sub(lambda found: f"struct {tags.get(found[1], found[1])}", text)
 
 
 def calls_of(

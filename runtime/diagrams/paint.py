@@ -32,6 +32,8 @@ from runtime.diagrams.sheet import (
     NAME_SIZE,
     PORT_SIZE,
     TYPE_SIZE,
+    VALUE,
+    VALUE_SIZE,
     BoxPlacement,
     Sheet,
     lay_out,
@@ -40,7 +42,7 @@ from runtime.diagrams.sheet import (
 PAGE_MARGIN = 16.0
 LEGEND_HEIGHT = 40.0
 TITLE_HEIGHT, TITLE_SIZE = 26.0, 14.0
-INK, SOFT, GHOST, PORT_INK = "#1f2937", "#6b7280", "#a7adb8", "#374151"
+INK, SOFT, GHOST, PORT_INK = "#1f2937", "#4b5563", "#a7adb8", "#374151"
 BORDER, FRAME_BORDER = "#475569", "#c5ccd6"
 # Nested frames alternate between the two.
 FRAME_FILLS = ("#f5f6f8", "#ebeef2")
@@ -123,7 +125,7 @@ class _Painter:
         for i, net in ghosts_first:
             yield self.net(i, net)
         for net in sorted(self.picture.nets, key=lambda net: net.is_ghost):
-            if net.type and net.source not in with_label:
+            if self.picture.label(net) and net.source not in with_label:
                 with_label.add(net.source)
                 yield self.label(net)
 
@@ -181,8 +183,20 @@ class _Painter:
         ink, soft = (GHOST, GHOST) if is_out else (INK, SOFT)
         yield TextShape(middle, placement.y + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
         yield TextShape(middle, placement.y + 30, box.type, TYPE_SIZE, soft, "middle")
+        yield from self.value_of(box, placement, ink)
         bottom = placement.y + placement.height - 7
         yield TextShape(middle, bottom, box.fate or box.rate, LABEL_SIZE, soft, "middle")
+
+    def value_of(self, box: Box, placement: BoxPlacement, ink: str) -> Iterator[Shape]:
+        """A block's value, of two lines a fraction."""
+        middle, y = placement.x + placement.width / 2, placement.y + 45.0
+        lines = box.value.split("\n") if box.value else []
+        for i, line in enumerate(lines):
+            yield TextShape(middle, y + VALUE * i, line, VALUE_SIZE, ink, "middle")
+        if len(lines) == 2:
+            half = max(text_width(line, VALUE_SIZE) for line in lines) / 2
+            ends = (middle - half, y + 4.5), (middle + half, y + 4.5)
+            yield CurveShape((("M", (ends[0],)), ("L", (ends[1],))), ink, stroke_width=1.0)
 
     def circle_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         """A Sum: a circle with the signs of its terms, and its name above it."""

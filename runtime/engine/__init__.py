@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import Interrupts
     from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
+    from runtime.engine.reading import Reader
     from runtime.engine.recorder import recording_file
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
@@ -23,6 +25,7 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = [
+    "Carried",
     "Engine",
     "Interrupts",
     "MakeRunner",
@@ -31,7 +34,11 @@ __all__ = [
     "Point",
     "Profile",
     "Program",
+    "Reader",
     "Watched",
+    "adopt",
+    "adopt_changed",
+    "carried",
     "labels",
     "profile_text",
     "python_seconds",

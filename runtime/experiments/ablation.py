@@ -46,6 +46,7 @@ from runtime.experiments.execution import (
     open_folder,
     remaining,
     run_all,
+    save_series,
     save_trial,
     write_checked,
 )
@@ -180,13 +181,14 @@ def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Prog
     def task(trial: Trial) -> Task:
         # The settings of a variant would all have the same folder: the first one is kept.
         if trial.seed == first and trial.configuration.number % len(plan.design) == 0:
-            return Task(trial, "trajectory", SAVED_STATUSES, timeout=options.timeout)
-        return Task(trial, timeout=options.timeout)
+            return Task(trial, "trajectory", SAVED_STATUSES, None, options.timeout, plan.signals)
+        return Task(trial, timeout=options.timeout, signals=plan.signals)
 
     def record(trial: Trial, result: TrialResult) -> None:
         nonlocal finished
         name = trial.configuration.cells[0]
         save_trial(trial, result, options.folder / RUNS / slugs[name])
+        save_series(result, options.folder, trial.number)
         index.append(Row.of(trial, result, plan.metrics))
         finished += 1
         progress(finished, plan.total, name)

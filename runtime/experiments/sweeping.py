@@ -112,7 +112,7 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
     began = time.perf_counter()
     tally = Tally.of(len(plan.seeds), plan.metrics, plan.objective, plan.ends, plan.never)
     retention = RetentionPolicy(
-        options.folder, options.keep, plan.objective, tally.column, options.timeout
+        options.folder, options.keep, plan.objective, tally.column, options.timeout, plan.signals
     )
     open_folder(plan, options)
 

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.compiler import fixed_sizes
 from runtime.engine import Engine
+from runtime.engine.compiled import c_plan
 from runtime.errors import UsageError
 from runtime.export.files import Replay, header, source, test
 from runtime.export.layout import Layout
@@ -110,12 +112,15 @@ def _layout(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout
     engine = Engine(program, graph.network.seed)
     engine.prepare()
     units = write_units(selection, engine.state.blocks, name)
-    constants = {
-        port: np.asarray(engine.namespace[program.names.signals[port]])
-        for port in selection.constants
-    }
+    with fixed_sizes():
+        plan = c_plan(selection.plan, program.names, units.kernels, selection.inputs)
+    names = program.names
+    constants = {p: np.asarray(engine.namespace[names.signals[p]]) for p in selection.constants}
+    arrays = {k: v for k, v in engine.namespace.items() if isinstance(v, np.ndarray)}
+    reset = {block: engine.namespace[copies] for block, copies in names.initial.items()}
     arena = max(units.reserved, UNMEASURED if units.open else 0)
-    return Layout(name, selection, units, constants, arena, hold)
+    states = engine.state.blocks
+    return Layout(name, selection, units, plan, arrays, states, reset, constants, arena, hold)
 
 
 def _measured(

@@ -11,16 +11,21 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.codegen import support
+from runtime.codegen import draws_text, support
+from runtime.engine.compiled import Ending
+from runtime.export.interface import C_TYPES, InterfaceText, literal, renamed, table
 from runtime.export.layout import Layout, comment
 from runtime.export.operations import MATH
-from runtime.export.step import StepText, literal, table
+from runtime.export.pruning import pruned
 from runtime.export.templates import HEADER, SOURCE, TEST
 from runtime.plan import Port
 
 HELPERS = {
     f"{verb}_{kind}": text.format(kind=kind, type=c_type)
-    for kind, c_type in (("numbers", "double"), ("integers", "int64_t"), ("flags", "bool"))
+    for kind, c_type in (
+        *(("numbers", "double"), ("integers", "int64_t")),
+        *(("flags", "bool"), ("words", "uint64_t")),
+    )
     for verb, text in (
         (
             "set",
@@ -33,11 +38,6 @@ HELPERS = {
             "    for (int64_t i = 0; i < n; i++) to[i] = 0;\n}}\n",
         ),
     )
-} | {
-    name: f"static bool {name}(const double *a, int64_t n)\n{{\n"
-    f"    for (int64_t i = 0; i < n; i++)\n        if ({wrong}) return false;\n"
-    "    return true;\n}\n"
-    for name, wrong in (("all_finite", "!isfinite(a[i])"), ("no_nan", "isnan(a[i])"))
 }
 NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)(?![\w.])")
 LENGTH = re.compile(r"INLINE double length_of\(.*?\n\}\n", re.DOTALL)
@@ -58,7 +58,7 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
     """The header."""
     name, selection = layout.name, layout.selection
     guard = f"{name.upper()}_H"
-    declared = [layout.declared(port) for port in selection.signals]
+    declared: list[str] = []
     if layout.hold:
         names = {port: layout.names[(*port, "held")] for port in selection.inputs}
         declared += [layout.declared(port, name) for port, name in names.items()]
@@ -73,7 +73,9 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         name=name,
         inputs=_members(layout, selection.inputs),
         outputs=_members(layout, selection.outputs),
-        signals="\n".join(declared),
+        signals=renamed(layout.plan.struct.text("plan"), name),
+        parameters="\n".join(_parameters(layout)) or "    int none;",
+        held="\n".join(declared),
         states="\n".join(members),
         arena=layout.arena_words,
         most="    int64_t arena_most; /* bytes of it that were ever used */\n"
@@ -83,6 +85,12 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         learnt=comment(_learnt(layout)),
     )
     return single(text) if float32 else text
+
+
+def _parameters(layout: Layout) -> list[str]:
+    return [
+        f"    double {each.name}; /* {comment(each.doc)} */" for each in layout.parameters.values()
+    ]
 
 
 def _wrong(layout: Layout) -> str:
@@ -102,35 +110,46 @@ def _members(layout: Layout, ports: Sequence[Port]) -> str:
 
 
 def _c_type(values: np.ndarray[Any, Any]) -> str:
-    return {"f": "double", "i": "int64_t", "b": "bool"}[values.dtype.kind]
+    return C_TYPES[values.dtype.kind]
 
 
 def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     """The source."""
-    name, writer = layout.name, StepText(layout)
-    reset, learnt = list(writer.initial(kept=False)), list(writer.initial(kept=True))
-    body = writer.step()
-    statements = "\n".join([*reset, *learnt, body])
+    name, writer = layout.name, InterfaceText(layout)
+    plan = renamed("\n".join([*layout.plan.inner, layout.plan.text]), name)
+    begun = [
+        f"    c->parameters.{p.name} = {literal(p.value)};" for p in layout.parameters.values()
+    ]
+    parts = {
+        "learnt": [*begun, *writer.initial(kept=True)],
+        "reset": writer.initial(kept=False),
+        "inputs": writer.received(),
+        "places": writer.places(),
+        "checks": writer.checks(),
+        "first": writer.failed(),
+    }
+    texts = {key: "\n".join(lines) for key, lines in parts.items()}
+    statements = "\n".join(texts.values())
     helpers = [text for call, text in HELPERS.items() if f"{call}(" in statements]
     text = SOURCE.substitute(
+        texts,
+        stopped=Ending.STOPPED.value,
         about="\n * ".join(map(comment, about)),
         name=name,
-        support=_without_jumps(support()),
+        support=support(),
         helpers="".join(f"{text}\n" for text in helpers),
         tables="".join(f"{text}\n" for text in writer.tables.values()),
         blocks=layout.units.text,
-        reset="\n".join(reset),
-        learnt="\n".join(learnt),
-        dt=selection_dt(layout),
-        body=body,
-        outputs=_outputs(layout),
+        declared=layout.plan.struct.text("places"),
+        plan=plan,
         measured="\n    c->arena_most = ctx.arena_most;" if layout.units.open else "",
         measuring="\n    ctx.arena_most = c->arena_most;" if layout.units.open else "",
         unmeasured="    c->arena_most = 0;\n" if layout.units.open else "",
         messages="\n".join(f"        {_quoted(t)}," for _, t in layout.failures.values()),
     )
-    text = re.sub(r"\n{3,}", "\n\n", text)
-    return single(text) if float32 else text
+    text = re.sub(r"\n{3,}", "\n\n", _without_jumps(text))
+    text = single(text) if float32 else text
+    return pruned(text.replace("@draws@\n", draws_text() if "draw_" in text else ""))
 
 
 def _without_jumps(text: str) -> str:
@@ -138,23 +157,6 @@ def _without_jumps(text: str) -> str:
     text = re.sub(r"#ifndef WITHOUT_JUMPS\n.*?#endif\n", "", text, flags=re.DOTALL)
     either = re.compile(r"#ifdef WITHOUT_JUMPS\n(.*?)#else\n.*?#endif\n", re.DOTALL)
     return either.sub(r"\1", text)
-
-
-def selection_dt(layout: Layout) -> str:
-    return literal(layout.selection.network.dt)
-
-
-def _outputs(layout: Layout) -> str:
-    """Hand out the outputs."""
-    copies = []
-    for port in layout.selection.outputs:
-        name, count = layout.names[port], layout.count(port)
-        if layout.kind(port).form == "scalar":
-            copies.append(f"    out->{name} = c->{name};")
-        else:
-            copies.append(f"    for (int i = 0; i < {count}; i++) out->{name}[i] = c->{name}[i];")
-    unused = [] if layout.selection.inputs else ["    (void)in;"]
-    return "\n".join([*unused, *copies])
 
 
 def _quoted(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import SignalType
+from blocks.core import BlockState, SignalType
+from runtime.engine.compiled import PlanText
 from runtime.export.names import member_name, unused
 from runtime.export.selection import Selection
 from runtime.export.units import Units
@@ -17,7 +19,23 @@ from runtime.plan import Port, numbers_in
 
 LEARNT = ("weights",)  # states that a reset keeps
 # Members of the struct beside signals and states.
-MEMBERS = frozenset(("tick", "failure", "arena", "arena_most", "none"))
+MEMBERS = frozenset(("tick", "failure", "arena", "arena_most", "none", "signals", "parameters"))
+ENGINE = ""  # instead of a block: the owner of the solver's memory
+# What the engine keeps for a solver and never changes.
+FIXED = frozenset(("table", "errors", "directions", "edges", "colours", "pattern"))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a block that may be changed while a controller runs.
+
+    name : the member of the struct of parameters. doc : what it is.
+    value : what it begins with.
+    """
+
+    name: str
+    doc: str
+    value: float
 
 
 @dataclass(frozen=True)
@@ -28,6 +46,9 @@ class Layout:
     ----------
     name : of the controller's struct and functions.
     units : the blocks' functions.
+    plan : the plan in C, with the members of its structs.
+    engine : arrays of the engine by name, as a solver's memory. blocks : states, by block.
+    reset : the initial states of parts that are reset, by block.
     constants : the values of constant outputs.
     arena : bytes for local arrays of blocks.
     hold : whether inputs that are not finite keep their last value, instead of a failure.
@@ -36,6 +57,10 @@ class Layout:
     name: str
     selection: Selection
     units: Units
+    plan: PlanText
+    engine: Mapping[str, np.ndarray[Any, Any]]
+    blocks: Mapping[str, BlockState]
+    reset: Mapping[str, Any]
     constants: Mapping[Port, Any]
     arena: int
     hold: bool = False
@@ -49,7 +74,7 @@ class Layout:
         ports = dict.fromkeys(
             [
                 *(*selection.inputs, *selection.constants),
-                *selection.signals,
+                *selection.outputs,
             ]
         )
         found: dict[Any, str] = {}
@@ -61,6 +86,10 @@ class Layout:
                 if owned:
                     name = f"{found[block]}__{word.removeprefix('state_')}"
                     found[block, word, "state"] = unused(name, taken)
+        for block, word in self.others:
+            owner = found[block] if block != ENGINE else "run"
+            name = f"{owner}__{word.removeprefix('state_')}"
+            found[block, word, "state"] = unused(name, taken)
         for port in selection.inputs:
             found[(*port, "held")] = unused(f"{found[port]}__held", taken)
         return found
@@ -70,6 +99,43 @@ class Layout:
         """The arena's length, in words of eight bytes."""
         return max(1, -(-self.arena // 8))
 
+    @cached_property
+    def others(self) -> dict[tuple[str, str], np.ndarray[Any, Any]]:
+        """What belongs to a controller's memory beside what blocks read and write.
+
+        The engine's arrays that are not constant, and states that are only ever set back.
+        """
+        found: dict[tuple[str, str], np.ndarray[Any, Any]] = {}
+        for kind, owner, item in sorted(self.plan.struct.pointers.values()):
+            if kind == "array" and owner not in FIXED and not owner.startswith("probe_"):
+                found[ENGINE, owner] = self.engine[owner]
+            key = owner, f"state_{item}"
+            unit = self.units.blocks.get(owner)
+            words = [word for word, _ in unit.words] if unit else []
+            if kind == "state" and key[1] not in words:
+                found[key] = getattr(self.blocks[owner], item)
+        return found
+
+    def initial(self, block: str, state: str) -> np.ndarray[Any, Any]:
+        """What a state is set back to."""
+        return np.atleast_1d(getattr(self.reset[block], state))
+
+    @cached_property
+    def parameters(self) -> dict[tuple[str, str], Parameter]:
+        """The numbers that a step takes from the struct of parameters, by block and word."""
+        found: dict[tuple[str, str], Parameter] = {}
+        taken: set[str] = set()
+        for block, text in self.units.blocks.items():
+            declared = self.selection.network.entries[block].cls.spec.params
+            for (word, c_type), value in zip(text.words, text.values, strict=True):
+                if c_type == "double" and isinstance(value, float) and math.isfinite(value):
+                    owner, _, name = word.partition("_")
+                    own = declared.get(name) if owner == "self" else None
+                    doc = f"{own.doc}{f' ({own.unit})' if own.unit else ''}" if own else "derived"
+                    member = unused(member_name(f"{block}_{name}"), taken)
+                    found[block, word] = Parameter(member, f"{block}.{name}: {doc}", value)
+        return found
+
     def kind(self, port: Port) -> SignalType:
         return self.selection.network.types[port]
 
@@ -78,9 +144,9 @@ class Layout:
         return numbers_in(self.kind(port))
 
     def declared(self, port: Port, name: str = "") -> str:
-        """The declaration of a signal's member, with what it is."""
+        """The declaration of a signal's member, with what it is; a held one is an array."""
         kind = self.kind(port)
-        size = "" if kind.form == "scalar" else f"[{self.count(port)}]"
+        size = "" if kind.form == "scalar" and not name else f"[{self.count(port)}]"
         return (
             f"    double {name or self.names[port]}{size}; /* {comment('.'.join(port))}: {kind} */"
         )
@@ -96,7 +162,11 @@ class Layout:
         Keys are ("input", block, port), ("output", block, port), ("state", member), and, of
         the first of a block's own failures, ("block", block).
         """
-        found: list[tuple[tuple[str, ...], str]] = []
+        found: list[tuple[tuple[str, ...], str]] = [
+            (("unsolved",), "an algebraic loop has no solution"),
+            (("unintegrated",), "rates of change that the solver cannot integrate"),
+            (("stopped",), "the condition of run.stop holds: the run has ended"),
+        ]
         for block, port in self.selection.inputs:
             found.append((("input", block, port), f"input {block}.{port} is not finite"))
         states = {member: (block, state) for block, member, state, _ in self.checked_states()}
@@ -120,15 +190,16 @@ class Layout:
         """
         types = self.selection.network.types
         for block, member, values in self.states():
-            if values.size and values.dtype.kind == "f" and np.isfinite(values).all():
+            if block != ENGINE and values.dtype.kind == "f" and np.isfinite(values).all():
                 finite = all(kind.finite for (name, _), kind in types.items() if name == block)
                 yield block, member, self.state_names[member], "all_finite" if finite else "no_nan"
 
     def states(self) -> Iterator[tuple[str, str, np.ndarray[Any, Any]]]:
         """The state arrays: block, member of the struct, initial values."""
         for (block, word), (member, start) in self.places.items():
-            if not start and member == self.member(block, word):
-                yield block, member, self.arrays[block, word]
+            values = self.arrays[block, word]
+            if not start and member == self.member(block, word) and values.size:
+                yield block, member, values
 
     @cached_property
     def state_names(self) -> dict[str, str]:
@@ -141,13 +212,6 @@ class Layout:
         """How many numbers each member for a state has."""
         return {member: values.size for _, member, values in self.states()}
 
-    def state(self, block: str, name: str) -> tuple[str, int, int] | None:
-        """Where a state is: the member, the element of its first number, and how many it has."""
-        key = block, f"state_{name}"
-        if key not in self.places or not self.arrays[key].size:
-            return None
-        return (*self.places[key], self.arrays[key].size)
-
     @cached_property
     def arrays(self) -> dict[tuple[str, str], np.ndarray[Any, Any]]:
         """The arrays of the blocks' states, by block and word."""
@@ -156,7 +220,7 @@ class Layout:
             for block, text in self.units.blocks.items()
             for (word, _), value, owned in zip(text.words, text.values, text.owned, strict=True)
             if owned
-        }
+        } | self.others
 
     @cached_property
     def places(self) -> dict[tuple[str, str], tuple[str, int]]:

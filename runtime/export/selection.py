@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from blocks.core import Block, hint
 from runtime.errors import GraphError, Problem, UsageError
 from runtime.network import Network, enables_of
-from runtime.plan import Call, Operation, Plan, Port, Restore, Test, Zero
+from runtime.plan import (
+    Call,
+    Integrate,
+    Operation,
+    Plan,
+    Port,
+    Record,
+    Restore,
+    Signal,
+    Solve,
+    Source,
+    Stop,
+    Test,
+    Zero,
+    calls_in,
+    numbers_in,
+)
 
 
 @dataclass(frozen=True)
@@ -17,29 +34,40 @@ class Selection:
 
     Parameters
     ----------
-    blocks : those that do something in a tick.
-    operations : what they do, in the plan's order, and what resets the parts that they are in.
+    plan : what they do, in order, and what resets the parts that they are in.
     inputs : outputs of other blocks that they read.
-    outputs : their outputs that others read; all that nobody reads, if there are none.
+    outputs : their outputs that others read. Of a whole graph, those that are recorded; without
+        any, those that nobody reads.
     constants : constant outputs that they read.
     """
 
     network: Network
     plan: Plan
-    blocks: tuple[str, ...]
-    operations: tuple[Operation, ...]
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     constants: tuple[Port, ...]
 
-    @property
+    @cached_property
     def calls(self) -> list[Call]:
-        return [each for each in self.operations if isinstance(each, Call)]
+        """All calls but those before the first tick."""
+        found = [each for each in calls_in(self.plan.operations) if not each.gate.once]
+        part = self.plan.integration
+        return found + list(calls_in(part.between) if part else ())
 
-    @property
+    @cached_property
+    def blocks(self) -> tuple[str, ...]:
+        """Those that do something in a tick."""
+        return tuple(sorted({call.block for call in self.calls}))
+
+    @cached_property
     def signals(self) -> list[Port]:
         """The outputs that they compute."""
-        return [signal.key for call in self.calls for signal in call.outputs]
+        return list(dict.fromkeys(s.key for call in self.calls for s in call.outputs))
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether nothing is read from others."""
+        return not self.inputs
 
     def every(self, port: Port) -> int:
         """How many base ticks an output holds."""
@@ -47,15 +75,12 @@ class Selection:
 
 
 def named_blocks(network: Network, names: Sequence[str], others: Sequence[str]) -> frozenset[str]:
-    """The blocks of these names, or of parts of these names; without ``names``, all but others.
+    """The blocks of these names, or of parts of these names; without ``names``, all but ``others``.
 
     Raises
     ------
     UsageError : there is no such block, or none is left.
     """
-    if not names and not others:
-        message = "name what is exported with --block NAME, or what is not with --except NAME"
-        raise UsageError(f"{message}; blocks: {', '.join(sorted(network.entries))}")
     found = _meant(network, names) if names else frozenset(network.entries)
     left = found - _meant(network, others)
     if not left:
@@ -81,49 +106,78 @@ def select(network: Network, plan: Plan, chosen: frozenset[str]) -> Selection:
     Raises
     ------
     UsageError : they have no output.
-    GraphError : an input of theirs depends on an output of theirs in the same tick, or one of
-        them has continuous states.
+    GraphError : an input of theirs depends on an output of theirs in the same tick, or a solver
+        needs blocks that are not among them.
     """
     for loop in plan.loops:
-        if blocks := sorted(loop.blocks & chosen):
+        if (blocks := sorted(loop.blocks & chosen)) and not loop.blocks <= chosen:
             raise UsageError(
-                f"{', '.join(blocks)} are in an algebraic loop that only a run solves "
-                f"({loop.path}); a UnitDelay on one of its wires breaks it"
+                f"{', '.join(blocks)} are in an algebraic loop that only the whole of it solves "
+                f"({loop.path}); export its other blocks, too, or break it with a UnitDelay"
             )
+    _check_solver(network, plan, chosen)
     once = {s.key for call in plan.evaluations if call.gate.once for s in call.outputs}
-    calls = [each for each in plan.operations if isinstance(each, Call) and not each.gate.once]
-    ours = [call for call in calls if call.block in chosen]
     switches = _switches(network, sorted(chosen))
     sources = _wired(network, lambda block: block in chosen) | switches
     others = _switches(network, sorted(network.entries.keys() - chosen))
     read = _wired(network, lambda block: block not in chosen) | others
     inside = _wired(network, lambda block: True)
-    made = [signal.key for call in ours for signal in call.outputs]
-    outputs = [port for port in made if port in read] or [p for p in made if p not in inside]
-    selection = Selection(
+    ours = tuple(_without_log(each) for each in plan.operations if _is_ours(each, chosen, switches))
+    found = Selection(
         network,
-        plan,
-        tuple(sorted({call.block for call in ours})),
-        tuple(each for each in plan.operations if _is_ours(each, chosen, switches)),
+        replace(plan, operations=ours),
         tuple(p for p in sources if p[0] not in chosen and p not in once),
-        tuple(outputs or made),
+        (),
         tuple(p for p in sources if p in once),
     )
-    if not selection.outputs:
+    made = found.signals
+    recorded = [each.source.whole for each in plan.records if isinstance(each.source.whole, Signal)]
+    if chosen == network.entries.keys():
+        read = dict.fromkeys(signal.key for signal in recorded)
+    outputs = [port for port in made if port in read] or [p for p in made if p not in inside]
+    if not made:
         names = ", ".join(sorted(chosen))
         raise UsageError(f"nothing to export: {names} computes no output that changes in a run")
-    _check_evaluation(selection)
-    _check_order(selection, chosen)
+    outputs = outputs or made
+    recording = replace(found.plan, operations=_recording(ours, outputs))
+    selection = replace(found, plan=recording, outputs=tuple(outputs))
+    _check_order(selection, plan, chosen)
     return selection
 
 
+def _recording(operations: Sequence[Operation], outputs: Sequence[Port]) -> tuple[Operation, ...]:
+    """Operations that record each output as a probe does: before a solver computes it again."""
+    signals: dict[Port, tuple[int, Signal]] = {}
+    for at, operation in enumerate(operations):
+        if isinstance(operation, (Call, Solve, Test, Zero)) and not operation.gate.once:
+            signals |= {signal.key: (at, signal) for signal in operation.outputs}
+    after: dict[int, list[Operation]] = {}
+    for number, port in enumerate(outputs):
+        at, signal = signals[port]
+        record = Record("", number, Source(signal), numbers_in(signal.kind), rows=1)
+        after.setdefault(at, []).append(record)
+    found: list[Operation] = []
+    for at, operation in enumerate(operations):
+        found += [operation, *after.get(at, ())]
+    return tuple(found)
+
+
+def _without_log(operation: Operation) -> Operation:
+    """The same operation, but for a list of events, which grows with time."""
+    return replace(operation, log=0) if isinstance(operation, Integrate) else operation
+
+
 def _is_ours(operation: Operation, chosen: frozenset[str], switches: Container[Port]) -> bool:
-    """Whether a controller does an operation in its step."""
-    if operation.gate.once:
-        return False
+    """Whether a controller does an operation in its step; constants are needed by name only."""
     if isinstance(operation, Restore):
         return (operation.block, "on") in switches
-    return isinstance(operation, (Call, Test, Zero)) and operation.block in chosen
+    if isinstance(operation, Solve):
+        return operation.blocks <= chosen
+    if isinstance(operation, Integrate):
+        return operation.row.by_block.keys() <= chosen
+    if operation.gate.once:
+        return isinstance(operation, Call)
+    return isinstance(operation, (Call, Test, Zero, Stop)) and operation.block in chosen
 
 
 def _wired(network: Network, reads: Callable[[str], bool]) -> dict[Port, None]:
@@ -138,26 +192,31 @@ def _switches(network: Network, blocks: Sequence[str]) -> dict[Port, None]:
     return {(name, "on"): None for block in blocks for name in enables.get(block, ())}
 
 
-def _check_evaluation(selection: Selection) -> None:
-    """Check that no solver is needed."""
+def _check_solver(network: Network, plan: Plan, chosen: frozenset[str]) -> None:
+    """Check that all that the solver evaluates between two ticks is chosen, or nothing of it."""
+    part = plan.integration
+    continuous = part.row.by_block.keys() if part else frozenset[str]()
+    ours = continuous & chosen
+    missing = ((part.blocks if part else set()) | continuous) - chosen
+    if not (ours and missing):
+        return
     problems = []
-    for name in selection.blocks:
-        entry = selection.network.entries[name]
-        if entry.cls.spec.continuous:
-            message = (
-                f"'{name}' cannot be exported: it has continuous states, which the graph's solver "
-                "integrates between two ticks; export blocks that are sampled"
-            )
-            if type(entry.block).discretized is not Block.discretized:
-                message += f", which --discretize tustin:{name} makes of it"
-            problems.append(Problem(entry.node.where, entry.address, message))
-    if problems:
-        raise GraphError(problems)
+    for name in sorted(ours):
+        entry = network.entries[name]
+        message = (
+            f"'{name}' cannot be exported alone: its continuous states are integrated together "
+            f"with what {', '.join(sorted(missing))} compute between two ticks; export these, too, "
+            "or blocks that are sampled"
+        )
+        if type(entry.block).discretized is not Block.discretized:
+            message += f", which --discretize tustin:{name} makes of it"
+        problems.append(Problem(entry.node.where, entry.address, message))
+    raise GraphError(problems)
 
 
-def _check_order(selection: Selection, chosen: frozenset[str]) -> None:
+def _check_order(selection: Selection, plan: Plan, chosen: frozenset[str]) -> None:
     """Check that all inputs are known before the outputs are computed."""
-    network, plan = selection.network, selection.plan
+    network = selection.network
     behind: dict[Port, Port] = {}  # an output of another block, and the one of ours it depends on
     for call in plan.evaluations:
         if call.block in chosen or call.gate.once:

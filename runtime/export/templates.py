@@ -26,11 +26,19 @@ struct ${name}_outputs {
 ${outputs}
 };
 
+/* Numbers that may be changed between two steps; init sets them. */
+struct ${name}_parameters {
+${parameters}
+};
+
+/* What blocks have computed. */
+${signals}
 struct ${name} {
     int64_t tick;
     int failure; /* 0: none; see ${name}_message */
-    /* Signals. */
-${signals}
+    struct ${name}_parameters parameters;
+    struct ${name}_signals signals;
+${held}
     /* States of blocks. */
 ${states}
     /* Local arrays of blocks. */
@@ -60,13 +68,23 @@ SOURCE = Template(
 #include "${name}.h"
 
 ${support}
+@draws@
+${blocks}
+${declared}
+${plan}
 ${helpers}
 ${tables}
-${blocks}
+/* The number of a failure. */
+static int failed(const struct context *ctx, int64_t ended)
+{
+${first}
+}
+
 void ${name}_reset(struct ${name} *c)
 {
     c->tick = 0;
     c->failure = 0;
+    c->signals = (struct ${name}_signals){0};
 ${unmeasured}${reset}
 }
 
@@ -79,15 +97,22 @@ ${learnt}
 int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${name}_outputs *out)
 {
     if (c->failure) return c->failure;
-    const double t = (double)c->tick * ${dt};
     struct context ctx = {0};
     ctx.failure = -1;
     ctx.arena = (unsigned char *)c->arena;
     ctx.arena_size = (int64_t)sizeof c->arena;${measuring}
-${body}
-${outputs}
+${inputs}
+    struct ${name}_outputs made;
+    const struct places places = {
+${places}
+    };
+    const int64_t ended = ticks(&c->signals, &places, &ctx, c->tick, c->tick + 1, 0, 1);
+    if (ended) c->failure = failed(&ctx, ended);
+    if (ended && ended != ${stopped}) return c->failure;
+${checks}
+    *out = made;
     c->tick++;${measured}
-    return 0;
+    return c->failure;
 }
 
 const char *${name}_message(int failure)

@@ -12,7 +12,7 @@ import numpy as np
 
 from blocks.core import BlockState
 from runtime.codegen import unused
-from runtime.compiler import Kernel, fixed_sizes
+from runtime.compiler import Kernel, bits_of, fixed_sizes
 from runtime.engine.compiled import make_kernels
 from runtime.errors import GraphError, Problem
 from runtime.export.operations import counter
@@ -28,7 +28,8 @@ class BlockText:
 
     failures : by number, as the text has them: what went wrong, and where.
     words : the members of its ``struct <prefix>_entries`` with their C types, and for each the
-        value: a number, or an array. owned : which arrays are the state's.
+        value: a number, or an array (of a generator, its bits).
+    owned : which arrays are the state's.
     """
 
     prefix: str
@@ -48,6 +49,7 @@ class Units:
 
     text: str = ""
     blocks: dict[str, BlockText] = field(default_factory=dict)
+    kernels: dict[str, Kernel] = field(default_factory=dict)
     reserved: int = 0
     open: bool = False
 
@@ -76,20 +78,24 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
         kernel = kernels.compiled.get(name)
         values = () if kernel is None else tuple(leaves(kernel.fields(entry.block, states[name])))
         reason = kernels.refused.get(name, "")
-        if any(isinstance(value, np.random.Generator) for value in values):
-            reason = "it draws random numbers while it runs"
         if reason or kernel is None:
             message = f"'{name}' cannot be exported: {reason}"
             problems.append(Problem(entry.node.where, entry.address, message))
             continue
         key = (entry.cls.__name__, kernel.text)
-        if key not in known:
+        is_new = key not in known
+        if is_new:
             known[key] = unused(f"block_{_snake(entry.cls.__name__)}", taken)
-            enclosed = kernel.enclosed(known[key])
+        enclosed = units.kernels[name] = kernel.enclosed(known[key])
+        if is_new:
             texts.append(enclosed.text)
             _measure(units, enclosed)
         words, failures = _words(kernel.text), tuple(map(_failure_text, kernel.failures))
         owned = _owned(kernel, values)
+        values = tuple(
+            bits_of(value, name).copy() if isinstance(value, np.random.Generator) else value
+            for value in values
+        )
         units.blocks[name] = BlockText(known[key], failures, words, values, owned)
     if problems:
         raise GraphError(problems)
@@ -108,7 +114,7 @@ def _owned(kernel: Kernel, values: tuple[Any, ...]) -> tuple[bool, ...]:
     """Which values are arrays of the block's state."""
     owners = [word.partition("_")[0] for word, _ in _words(kernel.text)]
     return tuple(
-        owner == "state" and isinstance(value, np.ndarray)
+        owner == "state" and isinstance(value, (np.ndarray, np.random.Generator))
         for owner, value in zip(owners, values, strict=True)
     )
 

@@ -11,7 +11,7 @@ How something is drawn is above, in runtime.plots: a run without figures needs n
 """
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions, NumberOptions
-from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
+from runtime.observation.metrics import CRASHED, METRIC_KINDS, OF_RUN, Metric, Series, of_run
 from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plot_options import CHANGES, Figure
 from runtime.observation.plots import PLOT_KINDS, PlotKind, plot_keys, plot_kind_names
@@ -22,10 +22,11 @@ from runtime.observation.wall_metrics import since_reached
 
 __all__ = [
     "CHANGES",
+    "CRASHED",
     "METRIC_KINDS",
+    "OF_RUN",
     "PLOT_KINDS",
     "PROBE_KEYS",
-    "STOP_TIME",
     "Figure",
     "Metric",
     "MetricKind",
@@ -40,6 +41,7 @@ __all__ = [
     "Series",
     "StopTest",
     "observe",
+    "of_run",
     "plot_keys",
     "plot_kind_names",
     "since_reached",

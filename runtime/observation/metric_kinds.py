@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from blocks.core import FloatArray, Options, param, show
+from blocks.core import ExpressionError, FloatArray, Options, expression_function, param, show
 from blocks.world import World
 
 Checks = Iterable[tuple[str, str]]
@@ -78,6 +78,12 @@ class NumberOptions(MetricOptions):
     length: bool = param(
         False, doc="of several columns of one unit, as those of a vector, measure the length"
     )
+    expression: str | None = param(
+        None, doc="measure this number of the columns `u` and the time `t`, as `u[0] - 2*u[1]`"
+    )
+    wrap: bool = param(
+        False, doc="the signal, or its deviation, is an angle in rad: wrap it to -pi to pi"
+    )
 
 
 def alike(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
@@ -130,8 +136,13 @@ class MetricKind:
     ) -> float | None:
         """The metric of some series, with the options as written."""
         options = self.options.read(written)
-        if options.get("length") and "target" not in options:  # else of the deviation from it
-            series = {role: length_of(each) for role, each in series.items()}
+        if options.get("expression"):
+            series = {**series, "of": computed(series["of"], options["expression"])}
+        if "target" not in options:  # else of the deviation from it
+            if options.get("length"):
+                series = {role: length_of(each) for role, each in series.items()}
+            if options.get("wrap"):
+                series = {role: wrapped(each) for role, each in series.items()}
         if self.in_world is None:
             return self.function(series, options)
         positions = series["of"].values[:, :2]
@@ -156,7 +167,15 @@ class MetricKind:
                 "until",
                 f"must lie after after = {window['after']:g}, got {show(window['until'])}",
             )
+        expression = window.get("expression")
+        if expression and "of" in probes:
+            try:
+                expression_function(expression, {"u": sizes["of"], "t": None})
+            except ExpressionError as error:
+                yield "expression", str(error)
         for role, signal in probes.items():
+            if expression and role == "of" and len(signal.shape) < 2:
+                continue
             message = self._misfit(role, signal, window.get("length") is True)
             if message:
                 yield role, message
@@ -191,3 +210,16 @@ def length_of(series: Series) -> Series:
     """The Euclidean norm of each row."""
     rows = series.values.reshape(len(series.t), -1)
     return Series(series.t, np.sqrt(np.square(rows).sum(axis=1)))
+
+
+def wrapped(series: Series) -> Series:
+    """Angles (rad) between -pi and pi."""
+    return Series(series.t, np.remainder(series.values + math.pi, math.tau) - math.pi)
+
+
+def computed(series: Series, expression: str) -> Series:
+    """A number of each row: an expression of its columns ``u`` and the time ``t``."""
+    rows = series.values.reshape(len(series.t), -1)
+    function = expression_function(expression, {"u": rows.shape[1], "t": None})
+    values = [function(row, t) for row, t in zip(rows.tolist(), series.t.tolist(), strict=True)]
+    return Series(series.t, np.array(values, dtype=float))

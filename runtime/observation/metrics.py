@@ -41,8 +41,9 @@ from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
 from runtime.streaming import row_blocks
 
-# The kind of metric whose value is not that of a signal.
-STOP_TIME = "stop_time"
+# The kinds of metrics whose values are not those of a signal.
+STOP_TIME, CRASHED = "stop_time", "crashed"
+OF_RUN = (STOP_TIME, CRASHED)
 REFERENCE = "reference"
 # A switch such as ``explore.engaged`` is on above this level.
 ENGAGED = 0.5
@@ -72,6 +73,8 @@ class Metric:
             return None
         after, until = float(self.options.get("after", 0.0)), self.options.get("until")
         end = math.inf if until is None else float(until)
+        if any(_ends_before(probes[name].t, end) for name in self.inputs.values() if name):
+            return None  # the run stopped before: a shorter window would be another quantity
         series = {
             # A reference that is constant has one row, at the start.
             role: probes[name]
@@ -104,7 +107,7 @@ class Metric:
         unit_of_kind = self.definition.unit
         columns = units.get(self.inputs.get("of") or "", ())
         first, *rest = unit_of_kind.split() or [""]
-        own = columns[0] if columns else ""
+        own = columns[0] if columns and not self.options.get("expression") else ""
         if first == "of²":
             # The square of m/s is (m/s)², of m is m².
             first = f"({own})²" if re.search(r"\W", own) else f"{own}²" if own else ""
@@ -120,6 +123,11 @@ class Metric:
                 got = "none" if value is None else f"{value:g}"
                 return f"metric '{self.name}': expected {key} {level:g}, got {got}"
         return ""
+
+
+def _ends_before(t: FloatArray, end: float) -> bool:
+    """Whether rows at times t (s) end before a window does; a constant has one row."""
+    return len(t) > 1 and math.isfinite(end) and 2.0 * t[-1] - t[-2] < end - 1e-9
 
 
 def _matrix(weight: Any, n: int) -> FloatArray:
@@ -144,6 +152,18 @@ class LevelOptions(NumberOptions):
     """The level that a signal is compared with."""
 
     level: float = param(0.5, doc="the level")
+
+
+class TimeOptions(NumberOptions):
+    """The time at which a signal is read."""
+
+    at: float = param(unit="s", at_least=0.0, doc="the time; between two rows it is interpolated")
+
+
+class CrashOptions(Bounds):
+    """What counts as a crash."""
+
+    stop: bool = param(True, doc="whether a run that `run.stop` ended counts, too")
 
 
 class WeightOptions(MetricOptions):
@@ -207,6 +227,40 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     return float(s.t[first])
 
 
+def value_at(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
+    """The value at a time (s); None if the recording ends before it, or begins later."""
+    t, values = series["of"].t, _flat(series)
+    if not t[0] - 1e-9 <= options["at"] <= t[-1] + 1e-9:
+        return None
+    return float(np.interp(options["at"], t, values))
+
+
+def _resultant(series: Mapping[str, Series]) -> complex:
+    """The mean of unit vectors in the directions of a signal (Mardia and Jupp, 2000, 2.2)."""
+    return complex(np.exp(1j * _flat(series)).mean())
+
+
+def circular_mean(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
+    """The mean direction (rad); None if the directions cancel each other."""
+    mean = _resultant(series)
+    return float(np.angle(mean)) if abs(mean) > 1e-12 else None
+
+
+def circular_deviation(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """The circular standard deviation sqrt(-2 ln R) (rad); R is the length of the mean vector."""
+    return math.sqrt(max(0.0, -2.0 * math.log(max(abs(_resultant(series)), 1e-300))))
+
+
+def of_run(
+    kind: str, options: Mapping[str, Any], stopped_at: float | None, failed: bool = False
+) -> float | None:
+    """A metric of the run itself: when ``run.stop`` ended it, or whether it crashed."""
+    if kind == STOP_TIME:
+        return stopped_at
+    stops = stopped_at is not None and CrashOptions.read(options)["stop"]
+    return float(failed or stops)
+
+
 def path_length(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     """Length (m) of the path of a pose's x and y."""
     steps = np.diff(series["of"].values[:, :2], axis=0)
@@ -256,7 +310,8 @@ _OWN: dict[str, MetricKind] = {
     ),
     "rms": MetricKind(
         lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))),
-        "root of the mean square",
+        "root of the mean square; with `length`, of the Euclidean length: the squares of the "
+        "components are added, not averaged",
         unit="of",
         ends=POSITIVE,
     ),
@@ -283,6 +338,27 @@ _OWN: dict[str, MetricKind] = {
         options=Bounds,
         inputs=(),
         unit="s",
+        ends=POSITIVE,
+    ),
+    CRASHED: MetricKind(
+        lambda s, o: None,
+        "1 if the run failed (an exception, NaN or infinity) or `run.stop` ended it, else 0; its "
+        "mean over seeds is the share of crashes",
+        options=CrashOptions,
+        inputs=(),
+        ends=SHARE,
+    ),
+    "value_at": MetricKind(
+        value_at,
+        "value at the time `at`; null if the run ended before",
+        options=TimeOptions,
+        unit="of",
+    ),
+    "circular_mean": MetricKind(circular_mean, "mean direction of an angle (rad)", unit="rad"),
+    "circular_deviation": MetricKind(
+        circular_deviation,
+        "circular standard deviation of an angle (rad): sqrt(-2 ln R) of the mean length R",
+        unit="rad",
         ends=POSITIVE,
     ),
     "share_above": MetricKind(

@@ -74,7 +74,8 @@ def synaptic_operations(series: Mapping[str, Series], options: Mapping[str, Any]
 NEURAL_KINDS: dict[str, MetricKind] = {
     "rmse": MetricKind(
         rmse,
-        "root of the mean square of the difference from `reference`",
+        "root of the mean square of the distance from `reference`: the squares of the components "
+        "are added, not averaged",
         options=ReferenceOptions,
         inputs=("of", "reference"),
         forms=("columns",),

@@ -22,6 +22,7 @@ from runtime.observation.metric_kinds import (
     Series,
     alike,
     length_of,
+    wrapped,
 )
 
 
@@ -55,6 +56,7 @@ def deviation(series: Mapping[str, Series], options: Mapping[str, Any]) -> Serie
     of, reference = series["of"], series.get("reference")
     target = options["target"] if reference is None else reference.values
     difference = Series(of.t, of.values - target) if reference is not None or target else of
+    difference = wrapped(difference) if options.get("wrap") else difference
     return length_of(difference) if options.get("length") else difference
 
 

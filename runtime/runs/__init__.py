@@ -43,8 +43,16 @@ if TYPE_CHECKING:
     )
     from runtime.runs.linearization import Linearization, linearize
     from runtime.runs.notebook import Figures
+    from runtime.runs.operating_point import output_at
     from runtime.runs.result import Result, open_run
-    from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+    from runtime.runs.simulation import (
+        PreparedRun,
+        at_start,
+        chosen_runner,
+        result_of,
+        simulate,
+        versions,
+    )
     from runtime.runs.stability import Margins, margins, step_info
     from runtime.runs.tables import dataframe
 else:
@@ -75,10 +83,12 @@ __all__ = [
     "margins",
     "new_folder",
     "open_run",
+    "output_at",
     "portable",
     "read_run",
     "recover",
     "remove",
+    "result_of",
     "run_folder",
     "save",
     "save_elsewhere",

@@ -27,7 +27,7 @@ from runtime.document import DEFAULT_MEMORY, SECOND, Override, arrays_in, dump_y
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.errors import raised_at
 from runtime.network import Network
-from runtime.observation import STOP_TIME, Metric, Probe, Recording, Series
+from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
 from runtime.runs.folder import (
     DIAGRAM,
@@ -80,7 +80,6 @@ def simulate(
     the graph's ``run.memory``; a temporary folder by default.
     """
     network, program = graph.network, graph.program
-    observation = program.observation
     began = datetime.now().astimezone()
     runner = chosen_runner(network, note) if profile is None else None
     engine = Engine(program, network.seed, runner, note, profile, folder)
@@ -90,6 +89,18 @@ def simulate(
             # Only a recording on disk survives a killed process; what is in memory is lost with it.
             _begin_recording(graph, engine, began, folder)
     outcome = engine.run(progress)
+    result = result_of(graph, engine, outcome, began)
+    if outcome.error is not None:
+        # A failed run is still a result: what was recorded up to the failure is kept, and the error
+        # carries it to whoever saves it.
+        outcome.error.result = result
+        raise outcome.error
+    return result
+
+
+def result_of(graph: PreparedRun, engine: Engine, outcome: Outcome, began: datetime) -> Result:
+    """What a run has shown so far, with its metrics."""
+    network, program, observation = graph.network, graph.program, graph.program.observation
     probes = {
         name: _recording(
             probe, rows, engine.recorder.times(name, len(rows), network.dt), network.time_unit
@@ -110,11 +121,6 @@ def simulate(
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
     result.states = engine.final_states() if outcome.ticks else {}
-    if outcome.error is not None:
-        # A failed run is still a result: what was recorded up to the failure is kept, and the error
-        # carries it to whoever saves it.
-        outcome.error.result = result
-        raise outcome.error
     return result
 
 
@@ -379,9 +385,9 @@ def evaluate(
     values: dict[str, float | None] = {}
     failures, notes = [], []
     for metric in metrics:
-        value, reason = stopped_at, ""
-        # The time at which the run stopped is no function of the recordings.
-        if metric.own is not None or metric.kind != STOP_TIME:
+        if metric.own is None and metric.kind in OF_RUN:
+            value, reason = of_run(metric.kind, metric.options, stopped_at), ""
+        else:
             value, reason = _value_or_reason(metric, series, world)
         notes += [reason] if reason else []
         failures += [text] if (text := metric.expectation(value)) else []

@@ -54,9 +54,11 @@ def run(options: Namespace) -> int:
     pictures: list[Path] = []
     if not (options.no_plots or result.is_interrupted):
         from runtime.experiments.analysis.figures import save_figures
+        from runtime.experiments.analysis.study_figures import study_figures
         from runtime.experiments.analysis.sweep_plots import sweep_figures
 
         pictures = save_figures(result.folder, sweep_figures(result.folder))
+        pictures += save_figures(result.folder, study_figures(plan, result.folder), ("pdf", "png"))
     for reason in result.tally.top_reasons() * (not options.json):
         tell(f"  {reason['count']} x {reason['reason']}")
     show_results(options, result.summary(), result.text(), pictures)

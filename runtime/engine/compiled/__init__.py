@@ -4,7 +4,9 @@
 plan that calls them, ``memory`` is what both languages share, ``runner`` runs it for the engine.
 """
 
+from runtime.engine.compiled.c_plan import PlanText, c_plan
 from runtime.engine.compiled.kernels import make_kernels
 from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
+from runtime.engine.compiled.signals import Ending
 
-__all__ = ["CheckedRunner", "CompiledRunner", "make_kernels"]
+__all__ = ["CheckedRunner", "CompiledRunner", "Ending", "PlanText", "c_plan", "make_kernels"]

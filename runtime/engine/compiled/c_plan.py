@@ -19,10 +19,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from blocks.core import SignalType
-from runtime.compiler import Kernel, written
+from runtime.compiler import Kernel, enclosed, written
 from runtime.engine.compiled.driver import DriverText
 from runtime.engine.compiled.plan_text import ATTEMPT, HELPERS, RUN, literal
-from runtime.engine.compiled.signals import NOT_INTEGRATED, STOPPED, UNSOLVED, SignalText
+from runtime.engine.compiled.signals import (
+    NOT_INTEGRATED,
+    STOPPED,
+    UNSOLVED,
+    SignalText,
+    leaves,
+)
 from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
@@ -35,6 +41,7 @@ from runtime.plan import (
     Integrate,
     Operation,
     Plan,
+    Port,
     Record,
     Restore,
     Signal,
@@ -58,6 +65,7 @@ class PlanText:
     text : in C, without the support that every unit begins with.
     calls : by their number in ``at``.
     others : the units of the solver of a graph with continuous states, and of those of loops.
+    inner : in a text for export, these units as parts of it.
     integrates : whether the integration is in C; the part INTEGRATE is nothing but that.
     driver : the Python loop around it, empty if nothing is called between its ``parts``; ``lines``
         maps its lines to the blocks that they call.
@@ -67,22 +75,27 @@ class PlanText:
     struct: Struct
     calls: list[Call]
     others: list[TranslationUnit] = field(default_factory=list)
+    inner: list[str] = field(default_factory=list)
     driver: str = ""
     parts: int = 1
     integrates: bool = False
     lines: dict[int, str] = field(default_factory=dict)
 
 
-def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
+def c_plan(
+    plan: Plan, names: Names, kernels: Mapping[str, Kernel], outside: Collection[Port] | None = None
+) -> PlanText:
     """The plan in C.
 
     Parameters
     ----------
     kernels : the blocks that are compiled, by name; the others are called from Python.
+    outside : of a plan that is exported, the signals that it does not compute, but for constants.
     """
     parts, called = divided(plan, kernels)
     is_one = not any(isinstance(each, (Integrate, Solve)) for each in plan.operations)
-    printer = EngineText(plan, names, kernels, has_locals=is_one and len(parts) == 1)
+    has_locals = is_one and len(parts) == 1 and outside is None
+    printer = EngineText(plan, names, kernels, has_locals, outside or ())
     made = PlanText("", printer.struct, printer.calls, printer.others, parts=len(parts))
     for number, part in enumerate(parts):
         at = [i for i, each in enumerate(part) if isinstance(each, Integrate)]
@@ -101,12 +114,16 @@ def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
     if called:
         driver = DriverText(plan, names, printer.struct)
         made.driver, made.lines = driver.loop(called), driver.lines
-    used = {each for kernel in kernels.values() for each in kernel.prototypes} | printer.own
+    used = {each for kernel in kernels.values() for each in kernel.prototypes}
+    used |= printer.own if outside is None else set()  # these are part of an exported unit
     prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
     run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
     for mark, lines in zip(("@first@", "@tick@", "@last@"), printer.moved(), strict=True):
         run = run.replace(mark, "\n".join(lines))
-    made.text = "\n".join([printer.struct.text(), prototypes, HELPERS + printer.functions + run])
+    declared = printer.struct.text("plan", "places") if outside is None else ""
+    if outside is not None:
+        made.inner = [enclosed(unit.text, f"solver_{i}") for i, unit in enumerate(printer.others)]
+    made.text = "\n".join([declared, prototypes, HELPERS + printer.functions + run])
     return made
 
 
@@ -141,9 +158,14 @@ class EngineText(SignalText):
     """Writes operations for the engine; ``struct`` has the values that they use."""
 
     def __init__(
-        self, plan: Plan, names: Names, kernels: Mapping[str, Kernel], has_locals: bool
+        self,
+        plan: Plan,
+        names: Names,
+        kernels: Mapping[str, Kernel],
+        has_locals: bool,
+        outside: Collection[Port] = (),
     ) -> None:
-        super().__init__(plan, names, kernels, has_locals)
+        super().__init__(plan, names, kernels, has_locals, outside)
         self.others: list[TranslationUnit] = []
         self.own: set[str] = set()
         self.functions = ""
@@ -211,6 +233,7 @@ class EngineText(SignalText):
         given = f"{memory}, {self.struct.array(f'loop_{solve.number}_control')}, &going"
         with self.block(""):
             self.put("double going = 0.0;", f"loop_begun_{solve.size}(ctx, NULL, {given});")
+            self.put(leaves(UNSOLVED))
             with self.block("while (going > 0.0)"):
                 for signal, start, stop in solve.slots:
                     place = self.place(Source(signal))
@@ -222,7 +245,7 @@ class EngineText(SignalText):
                     self.put(
                         f"copy_numbers({result}, {self.place(Source(signal))}, {stop - start});"
                     )
-                self.put(f"loop_newton_{solve.size}(ctx, NULL, {given});")
+                self.put(f"loop_newton_{solve.size}(ctx, NULL, {given});", leaves(UNSOLVED))
             self.put(f"if (going < 0.0) return {UNSOLVED};")
 
     # States and recordings
@@ -290,19 +313,23 @@ class EngineText(SignalText):
             self.run("keep", self.solvers("start"), self.solvers("states"))
             self.stages(part, method, "dt", "dt")
             self.operations(part.projections)
+        self.put("t = (double)k * dt;")
 
     def run(self, function: str, *given: str) -> None:
         """Call a function of the solver's unit."""
-        self.put(f"solver_{function}(ctx, NULL, {', '.join(given)});")
+        self.put(f"solver_{function}(ctx, NULL, {', '.join(given)});", leaves(NOT_INTEGRATED))
 
     def attempt(self, *undo: str) -> None:
         """Take a step, which may be too long."""
-        self.put("const int64_t ended = attempt(plan, places, ctx, k, done, h);")
-        with self.block("if (ended)"):
-            self.put("double refused = 0.0;")
+        self.put("const int64_t refusal = attempt(plan, places, ctx, k, done, h);")
+        with self.block("if (refusal)"):
+            self.put("double refused = 0.0;", "const int64_t failure = ctx->failure;")
+            self.put("ctx->failure = -1;")
             arrays = map(self.solvers, ("states", "start", "control"))
             self.run("refused", *arrays, "h", "&refused")
-            self.put("if (refused < 0.0) return ended;", *undo, "continue;")
+            with self.block("if (refused < 0.0)"):
+                self.put("ctx->failure = failure;", "return refusal;")
+            self.put(*undo, "continue;")
 
     def judge(self, end: str, target: str) -> None:
         """Accept a step by its estimated error, or go back to its start."""
@@ -328,7 +355,7 @@ class EngineText(SignalText):
             if part.is_left:
                 end = f"({self.struct.array('search')})[2]"
                 time = f"fmin({time}, (double)k * dt + {end} - {EARLIER * self.plan.dt!r})"
-            self.put(f"const double t = {time};  /* {part.solver} */", "(void)t;")
+            self.put(f"t = {time};  /* {part.solver} */")
             self.operations(part.stage)
             self.put("double bad = -1.0;")
             self.run("first_bad", slopes, "stage", "&bad")
@@ -350,7 +377,7 @@ class EngineText(SignalText):
             self.run("proposed", "search", sides, *edges, "(double)k * dt", "dt", "&h")
             with self.block("if (h > 0.0)"):
                 self.ending_step(part, method)
-            self.put("const double t = (double)k * dt + (done + h);", "(void)t;")
+            self.put("t = (double)k * dt + (done + h);")
             self.operations(part.watch)
             for crossing in part.crossings:
                 if isinstance(crossing.guards, Stop):
@@ -387,7 +414,7 @@ class EngineText(SignalText):
 
     def happened(self, part: Integrate, fired: str) -> None:
         """What follows at the time of an event or an edge."""
-        self.put("const double t = (double)k * dt + search[1];", "(void)t;")
+        self.put("t = (double)k * dt + search[1];")
         if part.log:
             log, count = self.struct.array("log"), self.struct.array("count")
             self.run("noted", log, str(part.log), count, fired, "t")

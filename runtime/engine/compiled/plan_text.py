@@ -46,7 +46,7 @@ static int64_t ticks(struct plan *plan, const struct places *places, struct cont
     int64_t ended = 0;
 @first@
     for (int64_t k = first; k < last; k++) {
-        const double t = (double)k * dt;
+        double t = (double)k * dt;
         (void)t;
         ctx->tick = k;
 @tick@
@@ -58,6 +58,7 @@ end:
     return ended;
 }
 
+#ifndef WITHOUT_JUMPS
 int64_t run(struct plan *plan, const struct places *places, struct context *ctx, int64_t first,
             int64_t last, int64_t low, int64_t high);
 
@@ -72,6 +73,7 @@ int64_t run(struct plan *plan, const struct places *places, struct context *ctx,
     if (setjmp(resume)) return 2;
     return ticks(plan, places, ctx, first, last, low, high);
 }
+#endif
 """
 
 # A step of a solver that may be too long: where a block fails in it, ``attempt`` returns 2.
@@ -91,6 +93,8 @@ static APART int64_t stages(struct plan *plan, const struct places *places, stru
     (void)set_zero;
     (void)plan;
     (void)places;
+    double t = 0.0;
+    (void)t;
 @body@
     return 0;
 }
@@ -98,13 +102,17 @@ static APART int64_t stages(struct plan *plan, const struct places *places, stru
 static APART int64_t attempt(struct plan *plan, const struct places *places, struct context *ctx,
                              int64_t k, double done, double h)
 {
+    const int64_t used = ctx->arena_used;
+#ifdef WITHOUT_JUMPS
+    const int64_t ended = stages(plan, places, ctx, k, done, h);
+#else
     jmp_buf resume;
     void *const outer = ctx->resume;
-    const int64_t used = ctx->arena_used;
     int64_t ended = 2;
     ctx->resume = &resume;
     if (!setjmp(resume)) ended = stages(plan, places, ctx, k, done, h);
     ctx->resume = outer;
+#endif
     ctx->arena_used = used;
     return ended;
 }

@@ -7,24 +7,34 @@ one function, the number of ``gain.out`` is a variable, which stays in a registe
     block_0__output(ctx, &places->fields_gain, t, out_clock_time, &out_gain_out);
     block_1__output(ctx, &places->fields_sum, t, out_gain_out, &out_sum_out);
     if (!isfinite(out_gain_out + out_sum_out)) {
-        if (!(isfinite(out_gain_out))) { ctx->at = 0; ended = 1; goto end; }
-        if (!(isfinite(out_sum_out))) { ctx->at = 1; ended = 1; goto end; }
+        if (!(isfinite(out_gain_out))) { ctx->at = 0; ctx->index = 0; ended = 1; goto end; }
+        if (!(isfinite(out_sum_out))) { ctx->at = 1; ctx->index = 0; ended = 1; goto end; }
     }
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from enum import IntEnum
 
 from runtime.compiler import Kernel
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
-from runtime.plan import Call, CText, Gate, Operation, Plan, Signal, Test, numbers_in
+from runtime.plan import Call, CText, Gate, Operation, Plan, Port, Signal, Test, numbers_in
 
-# What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
-# of change is not finite, or its tolerance is not met), the run's condition to stop holds, or an
-# algebraic loop has no solution.
-FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
+
+class Ending(IntEnum):
+    """What a call of a plan returns.
+
+    An output is not finite, a block failed, the solver cannot integrate (a rate of change is not
+    finite, or its tolerance is not met), the run's condition to stop holds, or an algebraic loop
+    has no solution.
+    """
+
+    FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = range(6)
+
+
+FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED, UNSOLVED = map(int, Ending)
 FEW = 8  # numbers of an array that are tested like those of records
 MANY = 12  # numbers that are tested at once: they wait in registers
 
@@ -36,15 +46,22 @@ class SignalText(CText):
     ----------
     has_locals : whether all of the plan is one function; others, as Python between its parts or
         those of a solver, find signals in the struct.
+    outside : signals that something else computes, but for constants.
     """
 
     def __init__(
-        self, plan: Plan, names: Names, kernels: Mapping[str, Kernel], has_locals: bool
+        self,
+        plan: Plan,
+        names: Names,
+        kernels: Mapping[str, Kernel],
+        has_locals: bool,
+        outside: Collection[Port] = (),
     ) -> None:
         super().__init__("k", depth=2)
         self.plan, self.kernels, self.has_locals = plan, kernels, has_locals
         once = [call for call in plan.evaluations if call.gate.once]
-        self.struct = Struct(names, {signal.key for call in once for signal in call.outputs})
+        constants = {signal.key for call in once for signal in call.outputs}
+        self.struct = Struct(names, constants.union(outside))
         self.calls: list[Call] = []
         self.locals: dict[str, Signal] = {}
         self.waiting: list[tuple[int, Test]] = []
@@ -89,6 +106,8 @@ class SignalText(CText):
         if not call.outputs or self.kernels[call.block].has_while:
             self.tested()
         super().call(call)
+        if self.kernels[call.block].failures:
+            self.put(leaves(FAILED))
 
     def within(self, gate: Gate) -> None:
         if gate != self.gate:
@@ -96,7 +115,10 @@ class SignalText(CText):
         super().within(gate)
 
     def test(self, test: Test) -> None:
-        self.waiting.append((len(self.calls) - 1, test))
+        at = len(self.calls) - 1
+        while (self.calls[at].block, self.calls[at].method) != (test.block, test.method):
+            at -= 1  # of a loop, the tests follow all its calls
+        self.waiting.append((at, test))
         if sum(numbers_in(each.kind) for _, test in self.waiting for each in test.outputs) >= MANY:
             self.tested()
 
@@ -111,16 +133,16 @@ class SignalText(CText):
         numbers: list[str] = []
         exact: list[str] = []
         for at, test in waiting:
-            own: list[str] = []
-            wrong = f"{{ ctx->at = {at}; {self.ended(NOT_FINITE)} }}"
+            places = [signal.key for signal in self.calls[at].outputs]
             for signal in test.outputs:
+                found = f"ctx->at = {at}; ctx->index = {places.index(signal.key)};"
+                wrong = f"{{ {found} {self.ended(NOT_FINITE)} }}"
                 kind, name, count = signal.kind, self.signal(signal), numbers_in(signal.kind)
                 if kind.form == "array" and (count > FEW or not kind.finite):
                     function = "all_finite" if kind.finite else "no_nan"
                     self.put(f"if (!{function}({name}, {count})) {wrong}")
                     continue
-                own += [name] if kind.form == "scalar" else [f"{name}[{i}]" for i in range(count)]
-            if own:
+                own = [name] if kind.form == "scalar" else [f"{name}[{i}]" for i in range(count)]
                 exact.append(f"if (!({' && '.join(f'isfinite({n})' for n in own)})) {wrong}")
                 numbers += own
         if numbers:
@@ -130,6 +152,11 @@ class SignalText(CText):
     def ended(self, code: int) -> str:
         """The statements that end the call."""
         return f"ended = {code}; goto end;" if self.has_locals else f"return {code};"
+
+
+def leaves(code: int) -> str:
+    """The way out after a call that failed; nothing where failures jump."""
+    return f"LEAVE({code});"
 
 
 def _sum(numbers: Sequence[str]) -> str:

@@ -54,7 +54,8 @@ class Struct:
 
     def pointer(self, name: str, kind: str, owner: str, state: str = "") -> str:
         """A member that is an address."""
-        to = {"fields": "const void *", "signal": "const double *", "open": "const double *"}
+        to = dict.fromkeys(("signal", "open", "initial"), "const double *")
+        to["fields"] = "const void *"
         self.pointers[name] = kind, owner, state
         return self.place(name, 1, f"{to.get(kind, 'double *')}{name}")
 
@@ -97,9 +98,10 @@ class Struct:
         """The address of an array that the engine names."""
         return self.pointer(member or name, "array", name)
 
-    def text(self) -> str:
+    def text(self, *structs: str) -> str:
         """The declarations."""
         lines = []
-        for name, members in self.declared.items():
-            lines += [f"struct {name} {{", *(members or ["    double none;"]), "};", ""]
+        for name in structs:
+            members = self.declared[name] or ["    double none;"]
+            lines += [f"struct {name} {{", *members, "};", ""]
         return "\n".join(lines)

@@ -171,7 +171,7 @@ def _metric(
             finite = finite[:1]
         # Below the interval, which would hide them.
         axes.plot(finite, [y + SEEDS_BELOW] * len(finite), ".", color="0.55", markersize=3.0)
-        if not finite:
+        if not finite or line["mean"] is None:
             if not line.get("never"):
                 message = "no value" if line["recorded"] else "removed"
                 axes.annotate(message, (0.02, y), **SMALL, color=GREY)

@@ -209,6 +209,8 @@ def compare(
     """
     lines = []
     for (metric, setting), variants in samples.items():
+        if not questions.is_primary(metric) and (setting or PER in metric):
+            continue  # what is only described is described over all settings
         for variant in variants:
             reference = None if variant == baseline else baseline
             lines.append(_line(metric, setting, variants, variant, reference, questions))

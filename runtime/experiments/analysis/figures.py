@@ -8,14 +8,14 @@ In: figures by name. Out: the files that they were written to::
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from runtime.files import own_folder, system_errors
+from runtime.files import own_folder, slug, system_errors
 from runtime.plots import headline, save_figure
 
 WIDTH = 9.0  # inches
@@ -52,7 +52,9 @@ def beyond(axes: Axes) -> dict[str, Any]:
     return {"transform": axes.get_xaxis_transform(), "clip_on": False, "color": MARK}
 
 
-def save_figures(folder: Path, figures: Iterable[tuple[str, Figure]]) -> list[Path]:
+def save_figures(
+    folder: Path, figures: Iterable[tuple[str, Figure]], formats: Sequence[str] = ("png",)
+) -> list[Path]:
     """Write figures as ``plots/<name>.png`` into an experiment's folder; returns the files.
 
     Raises
@@ -64,6 +66,7 @@ def save_figures(folder: Path, figures: Iterable[tuple[str, Figure]]) -> list[Pa
     with system_errors(f"write '{target}'"):
         own_folder(target)
         for name, figure in figures:
-            files.append(target / f"{name}.png")
-            save_figure(figure, files[-1])
+            for kind in formats:
+                files.append(target / f"{slug(name, 'figure')}.{kind}")
+                save_figure(figure, files[-1])
     return files

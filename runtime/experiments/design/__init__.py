@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         read_experiment,
     )
     from runtime.experiments.design.factors import Factor, Range, parse_factor, value_label
+    from runtime.experiments.design.figures import FigureSpec, shown_probe, with_signal
     from runtime.experiments.design.measurements import Measurement, parse_measurement
     from runtime.experiments.design.objective import Constraint, Objective
     from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
@@ -49,6 +50,7 @@ __all__ = [
     "Design",
     "Experiment",
     "Factor",
+    "FigureSpec",
     "GraphVariant",
     "Measurement",
     "Named",
@@ -74,7 +76,9 @@ __all__ = [
     "parse_seeds",
     "read_experiment",
     "removals",
+    "shown_probe",
     "slugs",
     "tuning_of",
     "value_label",
+    "with_signal",
 ]

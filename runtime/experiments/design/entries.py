@@ -18,6 +18,7 @@ from runtime.document import Node, check_keys
 from runtime.errors import Problems, Where
 from runtime.experiments.design.checks import check_factor, check_metric
 from runtime.experiments.design.factors import Factor, parse_factor
+from runtime.experiments.design.figures import FigureSpec, read_figure
 from runtime.experiments.design.objective import Constraint, Objective
 from runtime.experiments.design.sampling import Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
@@ -27,14 +28,14 @@ from runtime.graph import Graph
 Sampler = Literal["tpe", "nsga2", "sobol", "random"]
 Over = Literal["mean", "worst"]
 # What an ablation asks of the results.
-QUESTION_KEYS = ("primary", "contrasts", "margin")
+QUESTION_KEYS = ("primary", "contrasts", "margin", "figures")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 TUNING_KEYS = (
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
-    *("training", "held_out"),
+    *("training", "held_out", "budget", "repeats"),
 )
 RUN_KEYS = ("seeds", "conditions")
-MOST_SAMPLES, MOST_TRIALS, MOST_BATCH = 10**9, 10**6, 4096
+MOST_SAMPLES, MOST_TRIALS, MOST_BATCH, MOST_REPEATS = 10**9, 10**6, 4096, 1000
 _CONSTRAINT = re.compile(r"\s*(?P<metric>\S+)\s+(?P<side>below|above)\s+(?P<bound>\S+)\s*")
 # The seeds and the conditions of training or of held-out runs.
 RunEntries = tuple[Seeds | None, tuple[GraphVariant, ...]]
@@ -55,6 +56,9 @@ class Entries:
     primary : metrics whose differences are tested, all if empty.
     contrasts : variants that are compared with each other, besides with the baseline.
     margins : the smallest differences that count, by metric; '' for all others.
+    figures : what is drawn besides the usual figures.
+    budget : the most training runs of a tuning, those that were stopped early included.
+    repeats : tunings with other seeds of the sampler.
     """
 
     seeds: Seeds | None = None
@@ -73,6 +77,9 @@ class Entries:
     primary: tuple[str, ...] = ()
     contrasts: tuple[tuple[str, str], ...] = ()
     margins: tuple[tuple[str, float | str], ...] = ()
+    figures: tuple[FigureSpec, ...] = ()
+    budget: int | None = None
+    repeats: int | None = None
 
     def overlay(self, other: Entries) -> Entries:
         """These entries with others over them: an entry of ``other`` replaces one of the same name.
@@ -131,6 +138,9 @@ def read_entries(
         primary=tuple(reader.primary()),
         contrasts=tuple(reader.contrasts()),
         margins=tuple(reader.margins()),
+        figures=tuple(reader.figures()),
+        budget=reader.whole("budget", 1, MOST_TRIALS),
+        repeats=reader.whole("repeats", 1, MOST_REPEATS),
     )
 
 
@@ -289,6 +299,20 @@ class _EntryReader:
                 if metric:
                     check_metric(self.graph, metric, item.where, "margin", self.problems)
                 yield metric, f"{number:g}%" if str(value).endswith("%") else number
+
+    def figures(self) -> Iterator[FigureSpec]:
+        section = self.document.get("figures")
+        if section is not None and not section.is_map:
+            self.refuse(section, "figures", f"expected figures by name, got {section.describe()}")
+            return
+        # Read again for their paths alone: what is wrong with them is reported once.
+        vary, ignored = self.document.get("vary"), Problems()
+        items = vary.items() if vary is not None and vary.is_map else ()
+        factors = [f for path, node in items if (f := parse_factor(path, node, path, ignored))]
+        for name, node in () if section is None else section.items():
+            figure = read_figure(name, node, self.graph, factors, self.problems)
+            if figure is not None:
+                yield figure
 
     def runs(self, key: str) -> RunEntries:
         node = self.document.get(key)

@@ -44,7 +44,12 @@ if TYPE_CHECKING:
         metrics_of,
         sweep_plan,
     )
-    from runtime.experiments.execution.retention import RetentionPolicy, save_trial
+    from runtime.experiments.execution.retention import (
+        RetentionPolicy,
+        read_series,
+        save_series,
+        save_trial,
+    )
     from runtime.experiments.execution.runner import run_all, run_trials
     from runtime.experiments.execution.trials import Configuration, Trial
     from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
@@ -89,9 +94,11 @@ __all__ = [
     "pool_factory",
     "read_plan",
     "read_rows",
+    "read_series",
     "remaining",
     "run_all",
     "run_trials",
+    "save_series",
     "save_trial",
     "sweep_plan",
     "write_checked",

@@ -24,6 +24,7 @@ from runtime.experiments.design import (
     BASELINE,
     Design,
     Experiment,
+    FigureSpec,
     GraphVariant,
     Objective,
     Seeds,
@@ -32,6 +33,7 @@ from runtime.experiments.design import (
     check_variants,
     removals,
     slugs,
+    with_signal,
 )
 from runtime.experiments.execution.index import RESERVED, Columns
 from runtime.experiments.execution.trials import (
@@ -88,6 +90,12 @@ class ExperimentPlan:
     primary: tuple[str, ...] = ()
     contrasts: tuple[tuple[str, str], ...] = ()
     margins: Mapping[str, float | str] = field(default_factory=dict)
+    figures: tuple[FigureSpec, ...] = ()
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals that figures show over time."""
+        return tuple(dict.fromkeys(figure.signal for figure in self.figures if figure.signal))
 
     @property
     def larger_is_better(self) -> set[str]:
@@ -197,6 +205,7 @@ class ExperimentPlan:
                     ("primary", list(self.primary)),
                     ("contrasts", [list(pair) for pair in self.contrasts]),
                     ("margin", dict(self.margins)),
+                    ("figures", {figure.name: figure.to_dict() for figure in self.figures}),
                 )
                 if value
             },
@@ -265,6 +274,9 @@ def _plan(
     check_contrasts(entries.contrasts, variants)
     check_design(graph, design)
     check_variants(variants)
+    for signal in dict.fromkeys(figure.signal for figure in entries.figures if figure.signal):
+        graph = with_signal(graph, signal)
+        variants = [replace(v, graph=with_signal(v.graph, signal)) for v in variants]
     everything = [GraphVariant(BASELINE, graph), *variants] if variants else []
     runs = max(1, len(everything)) * len(design) * len(seeds)
     engine = engine_for(graph, runs, note)
@@ -278,6 +290,7 @@ def _plan(
         primary=entries.primary,
         contrasts=entries.contrasts,
         margins=dict(entries.margins),
+        figures=entries.figures,
     )
     return checked_plan(plan)
 

@@ -12,15 +12,22 @@ import re
 import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.design import Objective
 from runtime.experiments.execution.index import Row
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Task, TrialResult
+from runtime.files import write_whole
 from runtime.runs import save
 
+SERIES = "series"  # the folder of signals that figures show
 TRIALS, OLD_TRIALS = "trials", "points"  # folders; the second of earlier versions
 NOT_OK = ("failed", "timeout")
 _OWN = re.compile(r"[0-9]{6,18}")  # the name of a trial's folder
@@ -37,6 +44,7 @@ class RetentionPolicy:
     policy : ``none``, ``all``, ``failed`` or ``best:N``.
     objective : what 'best' means, with the metric's column in the index.
     timeout : time limit of a trial in seconds.
+    signals : that every trial records for figures.
     """
 
     folder: Path
@@ -44,6 +52,7 @@ class RetentionPolicy:
     objective: Objective | None
     column: int | None
     timeout: float | None
+    signals: tuple[str, ...] = ()
     _heap: list[tuple[float, int]] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -69,17 +78,18 @@ class RetentionPolicy:
     def task(self, trial: Trial) -> Task:
         """How to run a trial."""
         if self.policy == "none":
-            return Task(trial, timeout=self.timeout)
+            return Task(trial, timeout=self.timeout, signals=self.signals)
         keep = {"all": ("ok", *NOT_OK), "failed": NOT_OK}.get(self.policy, ("ok",))
         # A worker sends a recording only if it is among the best so far: it may be gigabytes.
         beat = None
         if self.objective is not None and self.most and len(self._heap) == self.most:
             beat = (self.objective, -self._heap[0][0])
-        return Task(trial, "all", keep, beat, self.timeout)
+        return Task(trial, "all", keep, beat, self.timeout, self.signals)
 
     def save(self, trial: Trial, done: TrialResult) -> None:
         """Write a trial's folder, before its row; a folder left by an interruption is replaced."""
         save_trial(trial, done, self.path(trial.number))
+        save_series(done, self.folder, trial.number)
 
     def discard(self, row: Row) -> None:
         """After a row was written: remove the folder that is no longer among the best."""
@@ -109,3 +119,32 @@ def save_trial(trial: Trial, done: TrialResult, path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
         done.result.files = trial.configuration.bundle.files
         save(done.result, path)
+
+
+def save_series(done: TrialResult, folder: Path, number: int) -> None:
+    """Write the signals that a trial recorded for figures, before its row."""
+    if done.series:
+        content = BytesIO()
+        arrays: dict[str, Any] = {}
+        for signal, (t, values) in done.series.items():
+            arrays |= {f"{signal} t": t, signal: values}
+        np.savez(content, **arrays)
+        (folder / SERIES).mkdir(exist_ok=True)
+        write_whole(folder / SERIES / f"{number:06d}.npz", content.getvalue())
+
+
+def read_series(folder: Path, number: int, signal: str) -> tuple[FloatArray, FloatArray] | None:
+    """A signal of a trial as its times (s) and values; None if the trial has not recorded it.
+
+    Raises
+    ------
+    UsageError : the file is damaged.
+    """
+    path = folder / SERIES / f"{number:06d}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return (stored[f"{signal} t"], stored[signal]) if signal in stored else None
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError) as error:
+        raise UsageError(f"cannot read '{path}': {error}") from None

@@ -14,7 +14,7 @@ import math
 import shutil
 import tempfile
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -25,11 +25,11 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.document import parse_yaml, rename_files, with_folder
 from runtime.errors import GraphError, SimulationError, one_line
-from runtime.experiments.design import Objective
+from runtime.experiments.design import Objective, shown_probe
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.files import write_whole
 from runtime.graph import Graph, load
-from runtime.observation import Metric
+from runtime.observation import CRASHED, Metric
 from runtime.runs import Result, simulate
 from runtime.streaming import row_blocks
 
@@ -37,6 +37,7 @@ Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 # What a trial records besides its metrics: nothing, its trajectory, or all plots of the graph.
 Record = Literal["metrics", "trajectory", "all"]
 TRAJECTORY_PLOTS = ("trajectory", "map")
+POINTS = 1000  # rows of a signal that a figure shows over time
 CACHED_GRAPHS = 4  # the trials of a configuration are consecutive, so few are in use at a time
 
 
@@ -50,6 +51,7 @@ class Task:
     keep : statuses for which the whole result is sent back.
     beat : of trials that are ok, send only those whose objective is better than this.
     timeout : time limit in seconds; None for no limit.
+    signals : what figures show over time, which is recorded as well.
     """
 
     trial: Trial
@@ -57,6 +59,7 @@ class Task:
     keep: Collection[str] = ()
     beat: tuple[Objective, float] | None = None
     timeout: float | None = None
+    signals: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class TrialResult:
         failed; otherwise empty unless it is ok.
     wall_s : in seconds.
     signals : for each metric a hash of the signals that it measured.
+    series : for each signal of the task its times (s) and values, of at most :data:`POINTS` rows.
     """
 
     status: Status
@@ -77,6 +81,7 @@ class TrialResult:
     wall_s: float = 0.0
     result: Result | None = None
     signals: dict[str, str] = field(default_factory=dict)
+    series: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
 
 
 class Deadline:
@@ -131,6 +136,7 @@ def run_task(task: Task) -> TrialResult:
         wall_s=deadline.spent,
         result=result if status in task.keep and _is_wanted(task, metrics) else None,
         signals={} if result is None or status != "ok" else _signals(measured, result),
+        series={} if result is None else dict(_series(task.signals, result)),
     )
 
 
@@ -149,7 +155,8 @@ def _values(metrics: list[Metric], result: Result, status: Status) -> dict[str, 
         return {}
     never = {m.name: math.inf for m in metrics if m.never and m.is_recorded(result.probes)}
     if status == "failed":
-        return {**never}
+        crashed = {m.name: 1.0 for m in metrics if m.own is None and m.kind == CRASHED}
+        return {**never, **crashed}
     return {
         name: never.get(name) if value is None else value for name, value in result.metrics.items()
     }
@@ -177,6 +184,17 @@ def _signals(metrics: list[Metric], result: Result) -> dict[str, str]:
     return signals
 
 
+def _series(
+    signals: Iterable[str], result: Result
+) -> Iterator[tuple[str, tuple[FloatArray, FloatArray]]]:
+    for signal in signals:
+        recorded = result.probes.get(shown_probe(signal))
+        if recorded is not None:
+            # Every n-th row, the same ones in each trial, so that means over seeds can be formed.
+            rows = slice(None, None, max(1, -(-len(recorded.t) // POINTS)))
+            yield signal, (recorded.t[rows].copy(), recorded.columns[rows, 0].copy())
+
+
 def _hash(values: FloatArray) -> bytes:
     digest = hashlib.blake2b(digest_size=8)
     for _, (rows,) in row_blocks(values):
@@ -196,6 +214,7 @@ def _simulate(task: Task, deadline: Deadline) -> Result:
     configuration = task.trial.configuration
     graph = _build(configuration.bundle, configuration.edits).with_seed(task.trial.seed)
     plots = {"metrics": (), "trajectory": TRAJECTORY_PLOTS, "all": None}[task.record]
+    plots = None if task.signals else plots
     return simulate(graph.prepared(plots), deadline)
 
 

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex, to_rgba
+from scipy import stats
 
 from runtime.experiments.analysis import sweep_data
 from runtime.experiments.analysis.ablation_plots import ablation_figure
+from runtime.experiments.analysis.study_figures import study_figures
 from runtime.experiments.analysis.sweep_data import read_sweep
 from runtime.experiments.analysis.sweep_plots import MARK, sweep_figures
+from runtime.experiments.design import read_experiment
+from runtime.experiments.execution import sweep_plan
 from tests.conftest import Run
 from tests.runtime.experiments.graphs import normal
 
@@ -158,3 +162,73 @@ def test_an_ablation(here: Run, draw: Path, tmp_path: Path) -> None:
     # Equal to the baseline on every seed: hollow.
     hollow = drawn.containers[1].lines[0]
     assert to_hex(hollow.get_markerfacecolor()) == "#ffffff"
+
+
+STUDY = """
+experiment: study
+graph: draw.yaml
+seeds: 0..3
+vary: {draw.level: [1, 2, 4], params.gain: [1, 2]}
+variants: {no half: {without: half}}
+figures:
+  total:
+    {metric: total, over: draw.level, at: {params.gain: 2}, log: xy, labels: {baseline: both}}
+  mean: {metric: drawn, over: draw.level, style: screen, y: "drawn"}
+  plane: {metric: total, over: [draw.level, params.gain], contours: 2}
+  out: {signal: sum.out, at: {draw.level: 4}}
+"""
+
+
+def test_the_figures_of_a_paper(here: Run, draw: Path, tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(STUDY)
+    done = here("sweep", "study.yaml", "--json")
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "sweeps" / "study"
+    names = {path.name for path in (folder / "plots").iterdir()}
+    shown = ("total", "mean", "plane", "out")
+    assert names == {"maps.png"} | {f"{n}.{kind}" for n in shown for kind in ("pdf", "png")}
+    plan = sweep_plan(read_experiment(str(tmp_path / "study.yaml")))
+    figures = dict(study_figures(plan, folder))
+    noise = np.array([normal(seed) for seed in range(4)])
+    (axes,) = figures["total"].axes
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    lines = {bars.get_label(): bars.lines[0] for bars in axes.containers}
+    # total = (1 + gain / 2)(level + noise), and level + noise without half of it.
+    for name, factor in (("both", 2.0), ("no half", 1.0)):
+        x, y = lines[name].get_data()
+        assert list(x) == [1.0, 2.0, 4.0]
+        assert y == pytest.approx([factor * (level + noise.mean()) for level in x])
+    assert figures["total"].get_size_inches()[0] == 3.5
+    # Without 'at', a metric is the mean over the other factor, which the draw does not depend on.
+    averaged = figures["mean"].axes[0].containers[0].lines[0].get_ydata()
+    assert averaged == pytest.approx(np.array([1, 2, 4]) + noise.mean())
+    (axes,) = figures["out"].axes
+    curves = {line.get_label(): line.get_ydata() for line in axes.lines}
+    assert curves["baseline"] == pytest.approx(1.5 * (4.0 + noise.mean()))  # the first gain: 1
+    assert curves["no half"] == pytest.approx(4.0 + noise.mean())
+    (band, _) = axes.collections
+    half = stats.t.ppf(0.975, 3) * 1.5 * noise.std(ddof=1) / 2.0
+    ends = band.get_paths()[0].vertices[:, 1]
+    middle = 1.5 * (4.0 + noise.mean())
+    assert (ends.min(), ends.max()) == pytest.approx((middle - half, middle + half))
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("{over: draw.level}", "expected a metric or a signal, as in"),
+        ("{metric: totl, over: draw.level}", "the graph has no metric 'totl', did you mean"),
+        ("{metric: total, over: draw.levl}", "there is no factor 'draw.levl', did you mean"),
+        ("{metric: total}", "over: expected one factor, or two for a map"),
+        ("{signal: sum.ot}", "figures.f.signal: 'sum' has no output or state 'ot', did you mean"),
+        ("{metric: total, over: draw.level, log: z}", "log: expected x, y, xy, got the string 'z'"),
+    ],
+)
+def test_a_figure_that_is_wrong(
+    here: Run, draw: Path, tmp_path: Path, entry: str, message: str
+) -> None:
+    (tmp_path / "e.yaml").write_text(
+        f"experiment: e\ngraph: draw.yaml\nvary: {{draw.level: [1, 2]}}\nfigures:\n  f: {entry}\n"
+    )
+    done = here("sweep", "e.yaml")
+    assert done.returncode == 2 and message in done.stderr, done.stderr

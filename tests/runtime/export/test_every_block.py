@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from blocks.core import PartEnable
-from runtime.errors import GraphError
 from runtime.export import export
 from tests.runtime.export.every_block import first_cases, graph_of
 
@@ -23,7 +22,6 @@ SANITIZE = (
     "-fno-sanitize-recover=all",
 )
 CASES = first_cases()
-DRAW = {"Lidar", "Explorer", "WhiteNoise", "PinkNoise", "RandomWalk", "WheelSlip", "PoseNoise"}
 # Steps with inputs of every size and kind; a failure is reset. Random ones, the same each time.
 HOSTILE = """
 #include <math.h>
@@ -70,9 +68,9 @@ int main(void)
 
 
 def exportable(name: str) -> bool:
-    """Whether a block type can be exported; the others are refused with the reason."""
+    """Whether a block type can be exported by itself; continuous ones are with what they read."""
     cls = type(CASES[name].block)
-    return not (cls.spec.continuous or name in DRAW or issubclass(cls, PartEnable))
+    return not (cls.spec.continuous or issubclass(cls, PartEnable))
 
 
 def run(folder: Path, compiler: str, *words: str) -> str:
@@ -111,9 +109,3 @@ def test_every_type_is_exported(name: str, tmp_path: Path) -> None:
     finite = HOSTILE % {"wrong": "2.0", "steps": steps}
     (tmp_path / "hostile.c").write_text(finite)
     assert "failures" in run(tmp_path, COMPILERS[-1], *SANITIZE, "controller.c", "hostile.c")
-
-
-@pytest.mark.parametrize("name", sorted(DRAW))
-def test_types_that_draw_are_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(GraphError, match="it draws random numbers while it runs"):
-        export(graph_of(CASES[name]), tmp_path, blocks=["block"])

@@ -291,13 +291,15 @@ def test_the_command_line(cli: Run, tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "noise": (["wall_following", "out", "--block", "lidar"], "it draws random numbers while"),
+    "solver": (
+        ["gallery/dc_motor", "out", "--block", "motor"],
+        "its continuous states are integrated together with what",
+    ),
     "order": (
         ["line_actuator_failure", "out", "--except", "plant,total"],
         "is computed from its output 'adaptive.join.out' in the same tick",
     ),
     "unknown": (["line_actuator_failure", "out", "--block", "lqq"], "did you mean 'lqr'?"),
-    "nothing named": (["line_actuator_failure", "out"], "name what is exported with --block"),
     "nothing left": (["line_actuator_failure", "out", "--block", "lqr", "--except", "lqr"], "left"),
     "no name": (["line_actuator_failure", "out", "--block", "lqr", "--name", "1 2"], "--name"),
 }

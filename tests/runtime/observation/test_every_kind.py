@@ -15,7 +15,7 @@ import pytest
 
 from blocks.core import FloatArray
 from blocks.world import World
-from runtime.observation import METRIC_KINDS, STOP_TIME, Series
+from runtime.observation import METRIC_KINDS, OF_RUN, Series
 
 # Powers of 2 scale floats exactly; a metric that counts or compares takes the same decisions.
 SIGNAL, TIME = 4.0, 2.0
@@ -23,7 +23,8 @@ SIGNAL, TIME = 4.0, 2.0
 LIKE_SIGNAL = {"level", "band", "target", "limit", "scale", "distance", "turning_radius"}
 LIKE_TIME = {"hold", "window", "delay", "tau", "at", "after", "until"}
 RATES = {"firing_rate", "synaptic_operations"}  # of spikes, which are 1/s
-OWN_LENGTHS = {"distance_mae_cylinders"}  # counts what is within 40 cm of a cylinder
+# Counts what is within 40 cm of a cylinder; of angles in rad.
+OWN_LENGTHS = {"distance_mae_cylinders", "circular_mean", "circular_deviation"}
 SAMPLED = {"distance_floor", "strayed", "loops"}  # contours are sampled at a step in m
 
 # Options with which each metric has a value that is not 0.
@@ -37,6 +38,9 @@ CASES: dict[str, dict[str, Any]] = {
     "min": {},
     "final": {},
     "first_time": {"level": 0.5},
+    "value_at": {"at": 0.315},
+    "circular_mean": {},
+    "circular_deviation": {},
     "share_above": {"level": 0.9},
     "path_length": {},
     "displacement": {},
@@ -66,8 +70,8 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 def test_every_metric_has_a_case() -> None:
-    assert CASES.keys() | {STOP_TIME} == METRIC_KINDS.keys(), "give the new metric a case here"
-    assert METRIC_KINDS[STOP_TIME].unit == "s"  # of the run, not of signals: test_stopping.py
+    # Those of the run are not of signals: test_stopping.py, test_metrics.py.
+    assert CASES.keys() | {*OF_RUN} == METRIC_KINDS.keys(), "give the new metric a case here"
 
 
 def value(kind: str, signal: float, time: float) -> float | None:

@@ -39,6 +39,63 @@ def test_settling_time_of_a_decay() -> None:
     assert value("settling_time", -3.0 * np.exp(-T), band=0.1) == pytest.approx(3.41)
 
 
+def test_a_value_at_a_time_is_interpolated_and_null_where_the_run_ended_before() -> None:
+    assert value("value_at", T**2, at=2.345) == pytest.approx((2.34**2 + 2.35**2) / 2)
+    assert value("value_at", T**2, at=10.0) == 100.0
+    assert value("value_at", T[:500], T[:500], at=6.0) is None
+    assert value("rms", T[:500], T[:500], after=3.0, until=6.0) is None
+    assert value("rms", T[:500], T[:500], after=3.0, until=5.0) is not None
+
+
+def test_angles_are_wrapped_and_averaged_on_the_circle() -> None:
+    near = math.pi + 0.1 * np.cos(T)  # about half a turn, on both sides of the jump
+    jumps = np.remainder(near + math.pi, math.tau) - math.pi
+    assert abs(value("circular_mean", jumps) or 0.0) == pytest.approx(math.pi, abs=0.01)
+    assert value("circular_deviation", jumps) == pytest.approx(np.std(near), rel=0.01)
+    assert value("circular_mean", [0.0, math.pi], np.arange(2.0)) is None
+    error = value("steady_state_error", jumps, target=-math.pi, window=10.0, wrap=True)
+    assert error == pytest.approx(abs(near.mean() - math.pi), abs=1e-9)
+    assert value("max_abs", 7.0 * np.ones(3), np.arange(3.0), wrap=True) == pytest.approx(
+        7.0 - math.tau
+    )
+
+
+def test_a_metric_of_an_expression_of_columns() -> None:
+    columns = np.column_stack((np.cos(T), np.sin(T)))
+    expression = "u[0]**2 + u[1]**2 + t"
+    assert value("max", columns, expression=expression) == pytest.approx(11.0)
+    assert value("final", columns, expression="norm(u)") == pytest.approx(1.0)
+    assert value("rms", columns, length=True) == pytest.approx(1.0)  # added, not averaged
+    graph = {
+        "graph": "g",
+        "run": {"dt": 0.01, "until": 1.0},
+        "blocks": {"s": {"type": "Function", "expression": "[t, 2*t]"}},
+        "metrics": {"m": {"kind": "max", "of": "s.out", "expression": "u[0] + u[2]"}},
+    }
+    with pytest.raises(GraphError, match=r"metrics.m.expression: column 10: .u. has 2 components"):
+        runtime.load(graph).check()
+    graph["metrics"] = {
+        "m": {"kind": "value_at", "of": "s.out", "expression": "u[1] - u[0]", "at": 0.5}
+    }
+    assert runtime.load(graph).run().metrics["m"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("expression", "above", "expected"),
+    [("t", 0.5, (1.0, 0.0)), ("t", 5.0, (0.0, 0.0)), ("log(0.5 - t)", 5.0, (1.0, 1.0))],
+)
+def test_a_crash_is_a_metric(expression: str, above: float, expected: tuple[float, float]) -> None:
+    graph = {
+        "graph": "g",
+        "run": {"dt": 0.01, "until": 1.0, "stop": {"when": "s.out", "above": above}},
+        "blocks": {"s": {"type": "Function", "expression": expression}},
+        "metrics": {"crashed": {"kind": "crashed"}, "broken": {"kind": "crashed", "stop": False}},
+    }
+    (trial,) = runtime.sweep(graph, {"run.until": [1.0]}, jobs=1).trials
+    assert trial.status == ("failed" if expected[1] else "ok")
+    assert (trial.metrics["crashed"], trial.metrics["broken"]) == expected
+
+
 def test_settling_time_is_the_last_entry_into_the_band() -> None:
     assert value("settling_time", [0, 5, 0, 5, 1, 1], np.arange(6.0), band=1) == 4.0
     assert value("settling_time", [5, 5, 1], np.arange(3.0), band=1.0, hold=0.0) == 2.0

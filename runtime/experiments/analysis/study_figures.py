@@ -1,0 +1,240 @@
+"""The figures that an experiment names itself, in the style of a paper.
+
+In: the plan of a sweep or an ablation, and its folder. Out: figures by name. A metric over one
+factor has a curve with 95 % intervals for each variant, over two factors a map; a signal over time
+is its mean over the seeds with its 95 % interval::
+
+    figures: {error: {metric: miss, over: wind.speed}}  ->  "error"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError
+from runtime.experiments.analysis.statistics import estimate
+from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep
+from runtime.experiments.analysis.sweep_plots import MAP, curve, variant_style
+from runtime.experiments.design import FigureSpec, shown_probe
+from runtime.experiments.execution import INDEX, ExperimentPlan, Row, read_rows, read_series
+from runtime.plots import LOOKS, STYLE
+from runtime.terminal import with_unit
+
+HEIGHT = 0.72  # of a figure, as a share of its width
+LIGHT = 0.18  # how dark the interval of a curve is
+
+
+def study_figures(plan: ExperimentPlan, folder: Path) -> Iterator[tuple[str, Figure]]:
+    """The figures of a plan with their names.
+
+    Raises
+    ------
+    UsageError : no trial has recorded a signal, or files cannot be read.
+    """
+    if not plan.figures:
+        return
+    data = read_sweep(folder)
+    rows = sorted(read_rows(folder / INDEX, plan.columns), key=lambda row: row.trial)
+    for figure in plan.figures:
+        with matplotlib.rc_context({**STYLE, **LOOKS[figure.style].settings}):
+            if figure.signal:
+                yield figure.name, _over_time(figure, plan, folder, rows)
+            elif len(figure.over) == 1:
+                yield figure.name, _over_factor(figure, data)
+            else:
+                yield figure.name, _map(figure, data)
+
+
+def _page(figure: FigureSpec, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    width = LOOKS[figure.style].width or 6.4
+    page = Figure(figsize=(width, HEIGHT * width / columns**0.5), layout="constrained")
+    return page, list(page.subplots(1, columns, squeeze=False, sharey=True).flat)
+
+
+def _finish(figure: FigureSpec, page: Figure, axes: Axes, x: str, y: str) -> Figure:
+    axes.set(xlabel=figure.x or x, ylabel=figure.y or y)
+    for side in figure.log:
+        getattr(axes, f"set_{side}scale")("log")
+    handles, labels = axes.get_legend_handles_labels()
+    if len(handles) > 1:
+        widest = max(map(len, labels))
+        columns = max(1, min(len(labels), int(14 * page.get_figwidth() / (widest + 6))))
+        page.legend(handles, labels, loc="outside upper center", ncols=columns)
+    return page
+
+
+def _parts(figure: FigureSpec, data: SweepData) -> dict[str, SweepData]:
+    """Each variant that is shown, at the values of ``at``, over the factors of ``over`` alone."""
+    parts = {}
+    for name, part in data.by_variant.items():
+        if figure.variants and name not in figure.variants:
+            continue
+        chosen = np.full(len(part.axes[0].positions), True)
+        for axis in part.axes:
+            if axis.path in figure.at:
+                wanted = _position(axis, figure.at[axis.path], figure.name)
+                chosen &= np.isclose(axis.positions, wanted)
+        parts[name] = _along(figure, part, np.flatnonzero(chosen))
+    return parts
+
+
+def _position(axis: Axis, value: str, figure: str) -> float:
+    if axis.names:
+        return float(axis.names.index(value)) if value in axis.names else -1.0
+    try:
+        return float(value)
+    except ValueError:
+        raise UsageError(f"figures.{figure}: '{axis.path}' has no value {value}") from None
+
+
+def _along(figure: FigureSpec, part: SweepData, chosen: Any) -> SweepData:
+    """The estimates at each place along the figure's factors: means of those at the same place.
+
+    Where further factors have several values there, their settings are averaged, and the interval
+    is that over these settings.
+    """
+    axes = [axis for path in figure.over for axis in part.axes if axis.path == path]
+    places: dict[tuple[float, ...], list[int]] = {}
+    for i in chosen:
+        places.setdefault(tuple(axis.positions[i] for axis in axes), []).append(int(i))
+    all_of = part.metrics[figure.metric]
+    estimates = [
+        all_of[own[0]] if len(own) == 1 else estimate([all_of[i].mean for i in own])
+        for own in places.values()
+    ]
+    firsts = [own[0] for own in places.values()]
+    shown = tuple(replace(axis, positions=axis.positions[firsts]) for axis in axes)
+    return replace(part, axes=shown, metrics={figure.metric: estimates})
+
+
+def _over_factor(figure: FigureSpec, data: SweepData) -> Figure:
+    page, (axes,) = _page(figure)
+    for i, (name, part) in enumerate(_parts(figure, data).items()):
+        look = variant_style(i) | {"label": figure.label(name) or None}
+        curve(axes, part, figure.metric, look)
+    for part in _parts(figure, data).values():
+        _name_values(axes, part.axes[0], "x", figure)
+    return _finish(figure, page, axes, figure.label(figure.over[0]), _measured(figure, data))
+
+
+def _measured(figure: FigureSpec, data: SweepData) -> str:
+    """What the metric is called, with its unit unless the label has one."""
+    label = figure.label(figure.metric)
+    return label if "[" in label else with_unit(label, {label: data.units.get(figure.metric, "")})
+
+
+def _name_values(axes: Axes, axis: Axis, side: str, figure: FigureSpec) -> None:
+    """Write the values of a factor that are no numbers at their places."""
+    if axis.names:
+        names = [figure.label(name) for name in axis.names]
+        getattr(axes, f"set_{side}ticks")(range(len(names)), names)
+
+
+def _map(figure: FigureSpec, data: SweepData) -> Figure:
+    """A map per variant, all with the same colours, and contours."""
+    parts = _parts(figure, data)
+    page, grid = _page(figure, len(parts))
+    values = np.concatenate([part.means(figure.metric) for part in parts.values()])
+    scale = Normalize(float(np.nanmin(values)), float(np.nanmax(values)))
+    image = None
+    for axes, (name, part) in zip(grid, parts.items(), strict=True):
+        columns, rows = (axis.distinct for axis in part.axes)
+        table = np.full((len(rows), len(columns)), np.nan)
+        at = (np.searchsorted(a.distinct, a.positions) for a in part.axes)
+        table[tuple(at)[::-1]] = part.means(figure.metric)
+        axes.grid(False)
+        image = axes.pcolormesh(columns, rows, table, cmap=MAP, norm=scale, shading="nearest")
+        for axis, side in zip(part.axes, "xy", strict=True):
+            _name_values(axes, axis, side, figure)
+        has_numbers = not any(axis.names for axis in part.axes)
+        if figure.contours and has_numbers and min(table.shape) > 1:
+            levels = np.linspace(scale.vmin or 0.0, scale.vmax or 1.0, figure.contours + 2)[1:-1]
+            lines = axes.contour(columns, rows, table, levels, colors="white", linewidths=0.8)
+            axes.clabel(lines, fontsize=6.0, fmt=lambda level: f"{level:.3g}")
+        axes.set_title(figure.label(name))
+        _finish(figure, page, axes, figure.label(figure.over[0]), figure.label(figure.over[1]))
+    for axes in grid[1:]:
+        axes.set_ylabel("")
+    if image is not None:
+        page.colorbar(image, ax=grid, label=_measured(figure, data))
+    return page
+
+
+def _over_time(
+    figure: FigureSpec, plan: ExperimentPlan, folder: Path, rows: Sequence[Row]
+) -> Figure:
+    """A curve for each variant, or for each value of the factor ``over``."""
+    page, (axes,) = _page(figure)
+    curves = _runs(figure, plan, folder, rows)
+    if not curves:
+        message = f"no trial recorded '{figure.signal}'; run the experiment again with --name"
+        raise UsageError(f"figures.{figure.name}: {message}")
+    for i, (name, runs) in enumerate(curves.items()):
+        longest = max(runs, key=lambda run: len(run[0]))[0]
+        values = np.full((len(runs), len(longest)), np.nan)
+        for row, (t, own) in zip(values, runs, strict=True):
+            row[: len(t)] = own
+        _band(axes, longest, values, i, figure.label(name))
+    probe = plan.graph.observation.probes.get(shown_probe(figure.signal))
+    unit = probe.units[0] if probe is not None else ""
+    label = figure.label(figure.signal)
+    y = f"{label} [{unit}]" if unit and "[" not in label else label
+    seconds = plan.graph.network.time_unit
+    axes.margins(x=0.0)
+    return _finish(figure, page, axes, f"time [{seconds}]", y)
+
+
+def _runs(
+    figure: FigureSpec, plan: ExperimentPlan, folder: Path, rows: Sequence[Row]
+) -> Mapping[str, list[tuple[FloatArray, FloatArray]]]:
+    """The recordings of each curve, over the seeds; other factors have the first value."""
+    columns = plan.columns.factors
+    fixed = dict(figure.at)
+    for row in rows[:1]:
+        fixed = {
+            path: cell
+            for path, cell in zip(columns, row.cells, strict=True)
+            if path != columns[0] or not plan.variants
+            if path not in figure.over
+        } | fixed
+    curves: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    for row in rows:
+        cells = dict(zip(columns, row.cells, strict=True))
+        variant = row.cells[0] if plan.variants else ""
+        if any(cells[path] != value for path, value in fixed.items()):
+            continue
+        if figure.variants and variant not in figure.variants:
+            continue
+        over = [f"{figure.label(path)} = {figure.label(cells[path])}" for path in figure.over]
+        run = read_series(folder, row.trial, figure.signal)
+        if run is not None:
+            label = ", ".join(filter(None, [figure.label(variant), *over]))
+            curves.setdefault(label, []).append(run)
+    return curves
+
+
+def _band(axes: Axes, t: FloatArray, values: FloatArray, i: int, label: str) -> None:
+    """The mean over the rows that have a value, and its 95 % interval."""
+    from scipy import special
+
+    n = np.isfinite(values).sum(axis=0)
+    mean = np.nanmean(values, axis=0)
+    look = variant_style(i)
+    del look["marker"]
+    look["linestyle"] = ("-", "--", "-.", ":")[i % 4]
+    axes.plot(t, mean, label=label or None, linewidth=1.2, **look)
+    if len(values) > 1:
+        # The standard error: nanstd divides by n, not by n - 1.
+        error = np.nanstd(values, axis=0) / np.sqrt(np.maximum(n - 1, 1))
+        half = special.stdtrit(np.maximum(n - 1, 1), 0.975) * np.where(n > 1, error, 0.0)
+        axes.fill_between(t, mean - half, mean + half, color=look["color"], alpha=LIGHT, lw=0.0)
