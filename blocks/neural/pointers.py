@@ -75,14 +75,14 @@ def pointer_of(text: str, dimensions: int, vocabulary: int) -> FloatArray:
         if value != 0.0:
             raise ValueError(f"expected a word in '{text[:60]}', which is a number")
         return np.zeros(dimensions)
-    return value
+    return np.asarray(value, dtype=float)
 
 
 def _meaning(node: ast.AST, d: int, vocabulary: int) -> Any:
     """A vector, or a number."""
     if isinstance(node, ast.Name):
         return word(node.id, d, vocabulary)
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
         return float(node.value)
     if isinstance(node, ast.UnaryOp):
         value = _meaning(node.operand, d, vocabulary)
