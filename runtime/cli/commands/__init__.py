@@ -58,5 +58,6 @@ VERBS: Registry[Verb] = Registry(
         # Rooms that can be removed bring their own.
         "render": "runtime.rendering",
         "lsp": "runtime.lsp",
+        "import": "runtime.nengo",
     },
 )
