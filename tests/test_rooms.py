@@ -53,12 +53,13 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.figures",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
+    ("runtime.experiments.analysis.study_figures",),
     ("runtime.experiments.tuning",),
-    ("runtime.experiments.tuning.tuning_plots",),
+    ("runtime.experiments.tuning.tuning_plots", "runtime.experiments.tuning.contest_plots"),
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.lsp", "runtime.rendering"),
+    ("runtime.lsp", "runtime.nengo", "runtime.rendering"),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
@@ -67,7 +68,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 # Rooms that stand on doors and can be deleted: only the table of verbs names them.
-BRIDGES = ("runtime.lsp", "runtime.rendering")
+BRIDGES = ("runtime.lsp", "runtime.nengo", "runtime.rendering")
 TABLES = ("runtime.cli.commands",)
 
 # Imports that go up or past a door, each with the reason: (importing module, imported) -> why.
@@ -229,7 +230,9 @@ print(codes, runtime.PACKAGE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("bridge", "verb"), [("lsp", "lsp"), ("rendering", "render")])
+@pytest.mark.parametrize(
+    ("bridge", "verb"), [("lsp", "lsp"), ("nengo", "import"), ("rendering", "render")]
+)
 def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
     for package in ("blocks", "runtime", "graphs"):
         shutil.copytree(ROOT / package, tmp_path / package)

@@ -67,7 +67,9 @@ class UnwiredError(AddressError):
 
     def __init__(self, scope: Scope, port: str) -> None:
         self.scope, self.port = scope, port
-        super().__init__(f"nothing is wired to '{scope.prefix}{port}'")
+        own = scope.parent is None  # an input of the whole graph
+        name = f"inputs.{port}" if own else f"{scope.prefix}{port}"
+        super().__init__(f"'{name}' has no default" if own else f"nothing is wired to '{name}'")
 
 
 def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:

@@ -221,6 +221,11 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
         Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
     ],
+    "SemanticPointer": [
+        Case(blocks.SemanticPointer(words=["A", "B*C"], times=[0.0, 0.002], dimensions=5), dt=0.001)
+    ],
+    "Similarity": [Case(blocks.Similarity(words=["A", "B*C"], dimensions=4), dt=0.001)],
+    "Superposition": [Case(blocks.Superposition(words=["A", "B*C"], dimensions=4), dt=0.001)],
     "SynapticFilter": [
         Case(blocks.SynapticFilter(synapse="triangle(0.005)"), dt=0.001),
         Case(
