@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from blocks.neural import *
     from blocks.nonlinear import *
     from blocks.plants import *
+    from blocks.sensors import *
     from blocks.sources import *
     from blocks.vehicle import *
     from blocks.wall_fitting import *

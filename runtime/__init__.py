@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from runtime.graph import Graph, load
     from runtime.runs import Result
     from runtime.runs import open_run as open
+    from runtime.sessions import Session
 else:
     __getattr__ = door(__name__)
 
@@ -79,6 +80,7 @@ __all__ = [
     "MissingExtraError",
     "NotCompiledWarning",
     "Result",
+    "Session",
     "SimulationError",
     "SpikeblocksError",
     "SweepTable",

@@ -193,6 +193,19 @@ def test_the_plot_of_the_how_to_is_valid() -> None:
     assert graph.check().observation.plots[1].options["labels"] == ["e_p", "e_θ"]
 
 
+def test_the_ports_of_the_how_to_are_those_of_its_linearization() -> None:
+    """At the end of a step response, x'' = (1 - c x' - k x) / m in closed form."""
+    (text,) = re.findall(r"```yaml\n# pushed.yaml\n(.*?)```", HOW_TO, re.S)
+    graph = runtime.Graph().overlay(parse_yaml(text, "how-to").plain())
+    m, c, k, t = 2.0, 0.5, 3.0, 1.99
+    rate, decay = math.sqrt(k / m - (c / (2.0 * m)) ** 2), c / (2.0 * m)
+    swing = math.cos(rate * t) + decay / rate * math.sin(rate * t)
+    expected = (1.0 - math.exp(-decay * t) * swing) / k
+    assert graph.run()["place"][-1] == pytest.approx(expected, abs=1e-6)
+    linear = graph.linearize(inputs=["push"], outputs=["place"])
+    assert linear.b.ravel().tolist() == pytest.approx([0.0, 1.0 / m])
+
+
 @pytest.mark.slow
 def test_what_the_how_to_learns_works_without_learning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -25,7 +25,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.lazy",),
     ("blocks.core",),
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
-    ("blocks.plants", "blocks.sources", "blocks.world"),
+    ("blocks.plants", "blocks.sensors", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
@@ -44,6 +44,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.plots", "runtime.diagrams.layout"),
     ("runtime.diagrams",),
     ("runtime.runs",),
+    ("runtime.sessions",),
     ("runtime.graph",),
     ("runtime.compare", "runtime.export"),
     ("runtime.compare.overlay",),
@@ -52,12 +53,13 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.figures",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
+    ("runtime.experiments.analysis.study_figures",),
     ("runtime.experiments.tuning",),
-    ("runtime.experiments.tuning.tuning_plots",),
+    ("runtime.experiments.tuning.tuning_plots", "runtime.experiments.tuning.contest_plots"),
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.lsp", "runtime.rendering"),
+    ("runtime.lsp", "runtime.nengo", "runtime.rendering"),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
@@ -66,7 +68,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 # Rooms that stand on doors and can be deleted: only the table of verbs names them.
-BRIDGES = ("runtime.lsp", "runtime.rendering")
+BRIDGES = ("runtime.lsp", "runtime.nengo", "runtime.rendering")
 TABLES = ("runtime.cli.commands",)
 
 # Imports that go up or past a door, each with the reason: (importing module, imported) -> why.
@@ -228,7 +230,9 @@ print(codes, runtime.PACKAGE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("bridge", "verb"), [("lsp", "lsp"), ("rendering", "render")])
+@pytest.mark.parametrize(
+    ("bridge", "verb"), [("lsp", "lsp"), ("nengo", "import"), ("rendering", "render")]
+)
 def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
     for package in ("blocks", "runtime", "graphs"):
         shutil.copytree(ROOT / package, tmp_path / package)

@@ -8,6 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
+    from blocks.control.geometric import GeometricControl
     from blocks.control.linear_control import LinearDisturbanceObserver, LinearL1, LinearMPC
     from blocks.control.lqr import LQR
     from blocks.control.mpc import MPC
@@ -27,6 +28,7 @@ __all__ = [
     "CourseError",
     "DiscreteSteadyStateKalman",
     "DisturbanceObserver",
+    "GeometricControl",
     "L1Adaptive",
     "LinePath",
     "LinearDisturbanceObserver",

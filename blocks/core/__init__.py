@@ -6,6 +6,7 @@ from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec
 from blocks.core.differences import Unsettled, jacobian
 from blocks.core.elementwise import (
+    Componentwise,
     Elementwise,
     check_ascending,
     check_flat,
@@ -59,6 +60,13 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
+from blocks.core.rotations import (
+    cross_product,
+    quaternion_product,
+    rotation_matrix,
+    turned,
+    turned_back,
+)
 from blocks.core.scalar_functions import (
     CONSTANTS,
     FUNCTIONS,
@@ -112,6 +120,7 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
+    "Componentwise",
     "Constants",
     "DeclarationError",
     "Definitions",
@@ -160,6 +169,7 @@ __all__ = [
     "check_sized",
     "cos",
     "covariance_fault",
+    "cross_product",
     "differ",
     "directions",
     "dot",
@@ -187,10 +197,12 @@ __all__ = [
     "polynomials",
     "portable",
     "product",
+    "quaternion_product",
     "rate_note",
     "read_expressions",
     "require",
     "retune",
+    "rotation_matrix",
     "show",
     "signal_type",
     "signed_distance",
@@ -205,6 +217,8 @@ __all__ = [
     "state_shape",
     "times",
     "transposed",
+    "turned",
+    "turned_back",
     "value_type",
     "width_of",
     "wrap",

@@ -71,6 +71,7 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Container, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -354,6 +355,15 @@ class Block:
     def value(self, name: str) -> Any:
         """A parameter's value by its name in graphs."""
         return self.__dict__[self.spec.attributes[name]]
+
+    def is_tunable(self, path: str) -> bool:
+        """Whether a parameter may change during a run: ``q``, ``q[1]``, ``learning.tau``."""
+        name, *inner = re.findall(r"[^.\[\]]+", path) or [""]
+        declared = self.spec.params.get(name)
+        if declared is None or declared.tunable or not inner:
+            return declared is not None and declared.tunable
+        settings = getattr(self.value(name), "declared", {})
+        return inner[0] in settings and settings[inner[0]].tunable
 
     def sizes(self) -> dict[str, int]:
         """Lengths that integer parameters give to ports and states that name them."""

@@ -21,14 +21,10 @@ from blocks.core.params import ParameterError
 from blocks.core.signals import FloatArray, Same, SignalType
 
 
-class Elementwise(Block, ABC):
-    """A block whose output is ``value`` of each component of its input.
-
-    Numbers, records and vectors; the two forms of ``output`` are one text for both engines.
-    """
+class Componentwise(Block, ABC):
+    """A block whose input is a number, a record or a vector, and ``out`` of the same type."""
 
     signal = Input(Same("T"), name="input", doc="a number, a record or a vector")
-    out = Output(Same("T"), through="input", doc="of each component")
 
     def validate_in(self, context: BlockContext) -> None:
         check_flat(context.types["out"], "input")
@@ -37,6 +33,31 @@ class Elementwise(Block, ABC):
         kind = state.context.types["out"]
         state.form, state.pack = kind.form, kind.pack
         state.size = kind.shape[0] if kind.shape else 1
+
+    def packed(self, state: BlockState, cells: FloatArray) -> Any:
+        """Numbers, one per component, in the signal's own form."""
+        if state.form == "scalar":
+            return float(cells[0])
+        if state.form == "array":
+            return cells
+        return state.pack(cells)
+
+    def store(self, state: BlockState, cells: FloatArray, input: Any) -> None:
+        """Write a signal into numbers, one per component."""
+        if state.form == "scalar":
+            cells[0] = input
+        else:
+            for i in range(state.size):
+                cells[i] = input[i]
+
+
+class Elementwise(Componentwise, ABC):
+    """A block whose output is ``value`` of each component of its input.
+
+    Numbers, records and vectors; the two forms of ``output`` are one text for both engines.
+    """
+
+    out = Output(Same("T"), through="input", doc="of each component")
 
     def output(self, state: BlockState, t: float, input: Any) -> Any:
         # Not one array for all forms: a float that stays a float costs Python far less than an

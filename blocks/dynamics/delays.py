@@ -14,16 +14,14 @@ from typing import Any
 import numpy as np
 
 from blocks.core import (
-    Block,
     BlockContext,
     BlockState,
+    Componentwise,
     FloatArray,
-    Input,
     Output,
     ParameterError,
     Same,
     State,
-    check_flat,
     check_sized,
     param,
 )
@@ -36,41 +34,20 @@ POINTS = 6
 SMOOTH = 0.5
 
 
-class Recalling(Block, ABC):
+class Recalling(Componentwise, ABC):
     """A block that keeps numbers for each component of its input."""
-
-    signal = Input(Same("T"), name="input", doc="a number, a record or a vector")
 
     initial: FloatArray = param(
         0.0, shape=[(), (None,)], doc="value before the first tick, or one per component"
     )
 
     def validate_in(self, context: BlockContext) -> None:
-        kind = context.types["out"]
-        check_flat(kind, "input")
-        check_sized(kind, "initial", self.initial)
+        super().validate_in(context)
+        check_sized(context.types["out"], "initial", self.initial)
 
     def start(self, state: BlockState) -> None:
-        kind = state.context.types["out"]
-        state.form, state.pack = kind.form, kind.pack
-        state.size = kind.shape[0] if kind.shape else 1
+        super().start(state)
         state.first = np.broadcast_to(self.initial, (state.size,)).copy()
-
-    def packed(self, state: BlockState, cells: FloatArray) -> Any:
-        """Numbers, one per component, in the signal's own form."""
-        if state.form == "scalar":
-            return float(cells[0])
-        if state.form == "array":
-            return cells
-        return state.pack(cells)
-
-    def store(self, state: BlockState, cells: FloatArray, input: Any) -> None:
-        """Write a signal into numbers, one per component."""
-        if state.form == "scalar":
-            cells[0] = input
-        else:
-            for i in range(state.size):
-                cells[i] = input[i]
 
 
 class _Ring(Recalling, ABC):

@@ -12,26 +12,17 @@ import math
 
 import numpy as np
 
-from blocks.core import Block, BlockState, FloatArray, Input, Output, Vector, param
-
-
-def cross_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a x b of vectors (3,)."""
-    out = np.empty(3)
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
-
-
-def quaternion_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Hamilton's product a b of quaternions (4,)."""
-    out = np.empty(4)
-    out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
-    out[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
-    out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
-    return out
+from blocks.core import (
+    Block,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    Vector,
+    cross_product,
+    param,
+    quaternion_product,
+)
 
 
 class Cross(Block):

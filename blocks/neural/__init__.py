@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from blocks.neural.learner import AdaptiveBias
     from blocks.neural.mrac import MRAC
     from blocks.neural.neurons import NeuronModel
+    from blocks.neural.pointers import SemanticPointer, Similarity, Superposition
     from blocks.neural.published_tuning import PLACES, Tuning, table_shape
     from blocks.neural.synapses import Synapse
     from blocks.neural.weights import Weights
@@ -32,7 +33,7 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
-__all__ += ["AdaptiveLIFRate"]
+__all__ += ["AdaptiveLIFRate", "SemanticPointer", "Similarity", "Superposition"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
 __all__ += [
     "DecoderSolver",

@@ -23,6 +23,7 @@ from blocks.core import (
     Setting,
     SettingError,
     expression_function,
+    plain,
     show,
 )
 
@@ -87,7 +88,7 @@ class DecodedFunction(Setting):
 
     def written(self) -> Any:
         if self.table is not None:
-            return {"points": self.table[0].tolist(), "targets": self.table[1].tolist()}
+            return {"points": plain(self.table[0]), "targets": plain(self.table[1])}
         if self.each:
             return {"each": [function.written() for function in self.each]}
         return self.texts if isinstance(self.texts, str) else list(self.texts)
@@ -113,7 +114,7 @@ class DecodedFunction(Setting):
         ``own`` are the constants and definitions that the expressions name.
         """
         if self.table is not None:
-            return self.table[1].shape[1]
+            return len(self.table[1][0])
         if self.each:
             return self.each[0].components(d, own)
         try:

@@ -114,7 +114,7 @@ class Decoder(Solved):
         state.groups, state.error = 1, math.nan
         state.rule, state.by_spikes = self._rule, self.filter == "spikes"
         if self.weights_given is not None:
-            state.weights[...] = self.weights_given
+            state.weights[...], state.groups = self.weights_given, self.groups_given
         else:
             tuning: Tuning = state.published["spikes"]
             state.groups = self.groups_out(state.context.lengths)

@@ -92,6 +92,48 @@ def _cosine(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]
     return np.asarray(np.sqrt(square) * rng.choice((-1.0, 1.0), (n, d)))
 
 
+def _scattered(rng: np.random.Generator, n: int, d: int) -> FloatArray:
+    """Points (n, d) of the unit cube that fill it more evenly than random ones, in random order."""
+    # The additive recurrence whose steps are powers of 1 / phi, phi^(d+1) = phi + 1: the golden
+    # ratio's for any number of dimensions (Roberts, 2018). A random shift keeps each point uniform.
+    phi = 2.0
+    for _ in range(60):
+        phi = (1.0 + phi) ** (1.0 / (d + 1.0))
+    steps = np.array([phi ** -(j + 1.0) for j in range(d)])
+    points: FloatArray = (rng.random(d) + np.arange(n)[:, None] * steps) % 1.0
+    return np.asarray(rng.permutation(points))
+
+
+def _quasirandom(
+    rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]
+) -> FloatArray:
+    low, high = arguments
+    return np.asarray(low + (high - low) * _scattered(rng, n, d))
+
+
+def _directions(points: FloatArray) -> FloatArray:
+    """Points of the unit cube as directions, evenly where they are even."""
+    from scipy.special import ndtri  # scipy stays off the start-up path
+
+    # Independent normal numbers point into all directions alike.
+    normal = ndtri(np.clip(points, 1e-12, 1.0 - 1e-12))
+    normal[:, 0] += np.where(normal.any(axis=1), 0.0, 1.0)
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+
+
+def _scattered_sphere(
+    rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]
+) -> FloatArray:
+    return _directions(_scattered(rng, n, d))
+
+
+def _scattered_ball(
+    rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]
+) -> FloatArray:
+    points = _scattered(rng, n, d + 1)
+    return np.asarray(_directions(points[:, :d]) * points[:, d:] ** (1.0 / d))
+
+
 KINDS: Mapping[str, _Kind] = {
     "uniform": _Kind("uniform(low, high)", "between two bounds", _uniform, 2, 2),
     "normal": _Kind("normal(mean, deviation)", "Gaussian", _normal, 2, 2),
@@ -105,6 +147,15 @@ KINDS: Mapping[str, _Kind] = {
     "choice": _Kind("choice([a, b, ...])", "one of some numbers", _choice, 1, 1),
     "sphere": _Kind("sphere", "on the unit sphere", _sphere, 0, 0),
     "ball": _Kind("ball", "in the unit ball", _ball, 0, 0),
+    "quasirandom": _Kind(
+        "quasirandom(low, high)", "between two bounds, evenly scattered", _quasirandom, 2, 2
+    ),
+    "scattered_sphere": _Kind(
+        "scattered_sphere", "on the unit sphere, evenly scattered", _scattered_sphere, 0, 0
+    ),
+    "scattered_ball": _Kind(
+        "scattered_ball", "in the unit ball, evenly scattered", _scattered_ball, 0, 0
+    ),
     "cosine": _Kind("cosine(dimensions)", "of an angle between random directions", _cosine, 1, 1),
 }
 
@@ -122,7 +173,8 @@ class Distribution(Setting):
 
     @classmethod
     def read(cls, written: Any) -> Self:
-        if isinstance(written, str) and written.partition("(")[0].strip() in {*ARRAYS, *CREATION}:
+        first = written.partition("(")[0].strip() if isinstance(written, str) else ""
+        if first in {*ARRAYS, *CREATION} or first.startswith("["):
             try:
                 written = array_of(written)
             except (ExpressionError, ArithmeticError) as error:
@@ -180,8 +232,8 @@ class Distribution(Setting):
             return ""
         if any(isinstance(number, list) for number in arguments):
             return f"expected {KINDS[kind].form} with numbers"
-        if kind == "uniform" and arguments[0] > arguments[1]:
-            return "expected uniform(low, high) with low at most high"
+        if kind in ("uniform", "quasirandom") and arguments[0] > arguments[1]:
+            return f"expected {KINDS[kind].form} with low at most high"
         if kind == "normal" and arguments[1] < 0.0:
             return "expected a deviation of 0 or more"
         if kind == "exponential" and arguments[0] <= 0.0:

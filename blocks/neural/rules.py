@@ -26,7 +26,9 @@ class DecoderRule(Variant, root=True):
     key = "rule"
     expected: ClassVar[str] = "a learning rule"
 
-    learning_rate: float = param(1e-4, at_least=0.0, doc="kappa; 0 freezes the weights")
+    learning_rate: float = param(
+        1e-4, at_least=0.0, tunable=True, doc="kappa; 0 freezes the weights"
+    )
     tau: float = param(
         0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
     )
@@ -42,6 +44,7 @@ class RLS(DecoderRule, label="rls"):
     Recursive least squares (Sussillo and Abbott, 2009): n x n numbers in memory.
     """
 
+    # Only where P begins: a change later would do nothing.
     learning_rate: float = param(1e-3, at_least=0.0, doc="kappa; 0 freezes the weights")
 
 
@@ -55,7 +58,9 @@ class EncoderRule(Variant, root=True):
 class Voja(EncoderRule, label="voja"):
     """e_i += kappa dt s_i (x - e_i): active neurons turn to the input (Voelker et al., 2014)."""
 
-    learning_rate: float = param(1e-2, at_least=0.0, doc="kappa; 0 freezes the encoders")
+    learning_rate: float = param(
+        1e-2, at_least=0.0, tunable=True, doc="kappa; 0 freezes the encoders"
+    )
     tau: float = param(
         0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
     )
@@ -67,7 +72,9 @@ class WeightRule(Variant, root=True):
     key = "rule"
     expected: ClassVar[str] = "a learning rule"
 
-    learning_rate: float = param(1e-9, at_least=0.0, doc="kappa; 0 freezes the weights")
+    learning_rate: float = param(
+        1e-9, at_least=0.0, tunable=True, doc="kappa; 0 freezes the weights"
+    )
     tau: float = param(
         0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
     )
@@ -83,8 +90,10 @@ class BCM(WeightRule, label="bcm"):
 class Oja(WeightRule, label="oja"):
     """W += kappa dt (p s' - beta p^2 W) (Oja, 1982)."""
 
-    learning_rate: float = param(1e-6, at_least=0.0, doc="kappa; 0 freezes the weights")
-    beta: float = param(1.0, at_least=0.0, doc="weight of forgetting")
+    learning_rate: float = param(
+        1e-6, at_least=0.0, tunable=True, doc="kappa; 0 freezes the weights"
+    )
+    beta: float = param(1.0, at_least=0.0, tunable=True, doc="weight of forgetting")
 
 
 def share_of_spikes(tau: float, dt: float) -> float:

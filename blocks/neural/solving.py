@@ -68,6 +68,9 @@ class Solved(Block, ABC):
     weights_given: FloatArray | None = param(
         None, name="weights", shape=(None, None), doc="weights, in place of solved ones"
     )
+    groups_given: int = param(
+        1, at_least=1, name="groups", doc="groups of neurons, each with columns of ``weights``"
+    )
     eval_points: Distribution | None = param(
         None, doc="points to solve on, per radius, a row each; default drawn within the radius"
     )
@@ -84,7 +87,7 @@ class Solved(Block, ABC):
         if self.weights_given is None:
             return {}
         rows, n = self.weights_given.shape
-        return {"rows": rows, "k": rows, "n": n}
+        return {"rows": rows, "k": rows * self.groups_given, "n": n}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         if self.weights_given is not None or "d" not in lengths or "groups" not in lengths:
@@ -96,7 +99,9 @@ class Solved(Block, ABC):
 
     def groups_out(self, lengths: Mapping[str, int]) -> int:
         """The groups that values are decoded for: one where a matrix mixes those of the neurons."""
-        groups = lengths.get("groups", 1) if self.weights_given is None else 1
+        if self.weights_given is not None:
+            return self.groups_given
+        groups = lengths.get("groups", 1)
         matrix = self.transform
         if groups == 1 or matrix is None or matrix.ndim != 2:
             return groups
@@ -120,6 +125,12 @@ class Solved(Block, ABC):
             for name, names in (("constants", self.constants), ("let", self.let))
             for _, text in misnamed(names or (), variables)
         ]
+        if not fixed and self.groups_given > 1:
+            message = "belongs to 'weights'; without them the groups are those of the ensemble"
+            problems.append(("groups", message))
+        if self.weights_given is not None and self.weights_given.shape[1] % self.groups_given:
+            columns = f"{self.weights_given.shape[1]} columns of 'weights'"
+            problems.append(("groups", f"{columns} cannot be divided among {self.groups_given}"))
         if problems:
             raise ParameterError(problems)
         if self.function is not None and self.eval_points is not None:

@@ -12,6 +12,7 @@ from functools import cached_property
 
 from blocks.core import SignalType
 from blocks.generic import Sum
+from runtime.diagrams.values import value_text
 from runtime.document import rate_text
 from runtime.network import Endpoint, Network, NetworkEntry, Wire, component_type
 
@@ -28,7 +29,7 @@ class Box:
     evaluates between ticks. ``fate`` is "removed" or "bypassed" for a block that does not run, else
     empty; ``part`` is the full name of the part that it belongs to. ``inputs`` and ``outputs`` are
     the wired ports, and the inputs in ``open``, which keep their default. ``signs`` are those of
-    the terms of a Sum, which is drawn as a circle.
+    the terms of a Sum, which is drawn as a circle. ``value`` is what ``values.py`` says of it.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Box:
     outputs: list[str] = field(default_factory=list)
     signs: dict[str, str] = field(default_factory=dict)
     open: list[str] = field(default_factory=list)
+    value: str = ""
 
     @property
     def is_sum(self) -> bool:
@@ -75,12 +77,13 @@ class Part:
 
 @dataclass
 class Picture:
-    """All that a diagram shows."""
+    """All that a diagram shows; without ``has_types``, wires are not labelled."""
 
     title: str
     boxes: dict[str, Box]
     parts: dict[str, Part]
     nets: list[Net]
+    has_types: bool = True
 
     @cached_property
     def drivers(self) -> dict[tuple[str, str], list[Net]]:
@@ -90,6 +93,16 @@ class Picture:
             for name, port in net.targets:
                 drivers.setdefault((name, port.partition("[")[0]), []).append(net)
         return drivers
+
+    def label(self, net: Net) -> str:
+        """The type of a net, where it is not that of a wire into the same block."""
+        if not self.has_types:
+            return ""
+        name = net.source[0]
+        before = {
+            each.type for (block, _), nets in self.drivers.items() if block == name for each in nets
+        }
+        return "" if net.type in before else net.type
 
     def breaks_loop(self, net: Net, part: str = "") -> bool:
         """Whether an output has no direct feedthrough, so that a loop is best opened there.
@@ -171,9 +184,11 @@ def _box(network: Network, entry: NetworkEntry) -> Box:
     facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solver}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
-    return Box(
+    box = Box(
         *(entry.name, entry.short, entry.cls.__name__, period, rate, part, fate, "\n".join(facts))
     )
+    box.value = value_text(box.type, values)
+    return box
 
 
 def _is_continuous(network: Network, entry: NetworkEntry) -> bool:

@@ -16,11 +16,12 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from runtime.diagrams.layout import Cell, DiagramLayout, Link, Pin, Point, arrange, simplify
+from runtime.diagrams.layout import Cell, DiagramLayout, Link, Pin, Point, arrange, fold, simplify
 from runtime.diagrams.picture import Box, Net, Picture
 from runtime.diagrams.shapes import text_width
 
-NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE = 13.0, 10.0, 9.5, 9.0
+NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE, VALUE_SIZE = 13.0, 10.0, 9.5, 9.0, 11.0
+VALUE = 16  # height of a line of a value, below the type
 HEADER, ROW, FOOTER, MARGIN = 36, 16, 20, 10
 MIN_WIDTH = 84
 # A Sum is a circle below its name.
@@ -74,8 +75,8 @@ class _Level:
         return [(self.x + x, self.y + y) for x, y in points]
 
 
-def lay_out(picture: Picture) -> Sheet:
-    """Lay out all boxes, frames and wires of a picture."""
+def lay_out(picture: Picture, width: float | None = None) -> Sheet:
+    """Lay out all boxes, frames and wires of a picture; in rows of a width (points), if given."""
     cells = {name: _box_cell(box) for name, box in picture.boxes.items()}
     levels: dict[str, _Level] = {}
     # The deepest parts first: the size of a part's cell is that of its finished layout.
@@ -83,6 +84,8 @@ def lay_out(picture: Picture) -> Sheet:
         levels[part] = _level(picture, part, cells)
         cells[part] = _frame_cell(picture, levels[part])
     levels[""] = _level(picture, "", cells)
+    if width is not None:
+        levels[""].layout = fold(levels[""].layout, levels[""].cells, width)
     boxes: dict[str, BoxPlacement] = {}
     frames: dict[str, BoxPlacement] = {}
     # From outside inwards: a frame has to be placed before what is in it.
@@ -130,15 +133,17 @@ def _box_cell(box: Box) -> Cell:
         MIN_WIDTH,
         text_width(box.title, NAME_SIZE, bold=True) + 2 * MARGIN,
         text_width(box.type, TYPE_SIZE) + 2 * MARGIN,
+        *(text_width(line, VALUE_SIZE) + 2 * MARGIN for line in box.value.split("\n")),
         max(inside, default=0.0) + max(outside, default=0.0) + 3 * MARGIN,
     )
     rows = max(len(inside), len(outside))
+    header = header_height(box)
 
     def heights(count: int) -> list[float]:
-        first = HEADER + ROW / 2 + (rows - count) * ROW / 2
+        first = header + ROW / 2 + (rows - count) * ROW / 2
         return [first + ROW * i for i in range(count)]
 
-    height = HEADER + ROW * rows + FOOTER
+    height = header + ROW * rows + FOOTER
     sides = heights(len(inside)), heights(len(outside))
     name = box.name
     return Cell(
@@ -151,6 +156,11 @@ def _box_cell(box: Box) -> Cell:
         fixed=True,
         stretch=True,
     )
+
+
+def header_height(box: Box) -> int:
+    """The height of a box above its ports: name, type and value."""
+    return HEADER + (VALUE * (1 + box.value.count("\n")) if box.value else 0)
 
 
 def _child(level: str, box: Box) -> str | None:
@@ -179,7 +189,8 @@ def _level(picture: Picture, part: str, cells: dict[str, Cell]) -> _Level:
         label = 0.0
         if source[0] in picture.boxes and source not in with_label:
             with_label.add(source)
-            label = text_width(net.type, LABEL_SIZE) + 8.0
+            text = picture.label(net)
+            label = text_width(text, LABEL_SIZE) + 8.0 if text else 0.0
         # Wires of removed blocks may bend and cross, those that run should not.
         weight = GHOST_WEIGHT if net.is_ghost else 1.0
         breaks_loop = picture.breaks_loop(net, source[0] if source[0] in picture.parts else "")

@@ -105,6 +105,8 @@ def _box(entry: Mapping[str, Any]) -> Box:
     if not all(key in box.inputs and sign in ("+", MINUS) for key, sign in signs.items()):
         raise ValueError("boxes: expected a sign, + or −, for inputs only")
     box.signs = signs
+    box.value = entry.get("value", "")
+    check_form({"value": box.value}, {"value": str}, longest=MAX_LENGTH)
     box.open = entry.get("open", [])
     check_form(box.open, [str])
     if not set(box.open) <= set(box.inputs):

@@ -92,11 +92,14 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
 
 
 def _elsewhere(document: Node, name: str) -> str:
-    """Where a graph has an entry of that name: among its ``params``, or in one of its blocks."""
+    """Where a graph has an entry of that name: in ``params``, ``inputs`` or a block."""
     params, blocks = document.get("params"), document.get("blocks")
     places = []
     if params is not None and params.get(name) is not None:
         places.append(f"params.{name}")
+    inputs = document.get("inputs")
+    if inputs is not None and inputs.get(name) is not None:
+        places.append(f"inputs.{name}.default")
     if blocks is not None:
         places += [f"{block}.{name}" for block, entry in blocks.items() if entry.get(name)]
     return f", did you mean {' or '.join(map(repr, places[:3]))}?" if places else ""

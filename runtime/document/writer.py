@@ -19,7 +19,7 @@ import yaml
 from blocks.core import StoredArray
 from runtime.document.scalars import is_text
 
-_PLAIN = re.compile(r"[A-Za-z_$][A-Za-z0-9_$./-]*")
+_PLAIN = re.compile(r"[A-Za-z_$][A-Za-z0-9_$./#-]*")
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 

@@ -11,18 +11,21 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried, same_value
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import Interrupts
     from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
-    from runtime.engine.recorder import recording_file
+    from runtime.engine.reading import Reader
+    from runtime.engine.recorder import Saved, recording_file
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
 else:
     __getattr__ = door(__name__)
 
 __all__ = [
+    "Carried",
     "Engine",
     "Interrupts",
     "MakeRunner",
@@ -31,11 +34,17 @@ __all__ = [
     "Point",
     "Profile",
     "Program",
+    "Reader",
+    "Saved",
     "Watched",
+    "adopt",
+    "adopt_changed",
+    "carried",
     "labels",
     "profile_text",
     "python_seconds",
     "recording_file",
+    "same_value",
     "silent",
     "take_compiled",
 ]

@@ -39,7 +39,7 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.starting import Start, described
-from runtime.engine.state import Held, RunState
+from runtime.engine.state import Begun, Held, RunState
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
@@ -96,6 +96,8 @@ class Engine:
     note : called with a message for the user when something takes a while.
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
+    keep : the ticks whose rows stay in memory, the last ones, if the length is not known; all by
+        default.
 
     ``state`` owns everything that moves.
     """
@@ -106,6 +108,7 @@ class Engine:
     note: Callable[[str], None] = silent
     profile: Profile | None = None
     folder: Path | None = None
+    keep: int | None = None
     network: Network = field(init=False)
     plan: Plan = field(init=False)
     state: RunState = field(init=False)
@@ -117,6 +120,7 @@ class Engine:
     is_checked: bool = field(init=False, default=False)
     wall_s: float = field(init=False, default=0.0)
     ready_s: float = field(init=False, default=0.0)
+    begun: Begun = field(init=False)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
     exact: ExactRunner | None = field(init=False, default=None)
@@ -127,6 +131,7 @@ class Engine:
         self.recorder = Recorder(
             *(probes, ticks, self.network.dt, self.program.gathered, self.folder),
             growing=self.program.growing,
+            keep=self.keep,
         )
         self.arrays = self.recorder.arrays
         self.state = RunState(self.program, self.seed)
@@ -139,6 +144,8 @@ class Engine:
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self.namespace = self.starting.all()
+        if self.program.growing:
+            self.begun = self.state.begun()
         # Zero, as outputs of a part that is off are.
         self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
         if self.make_runner is None:
@@ -183,7 +190,7 @@ class Engine:
         began = time.perf_counter()
         try:
             with stoppable():
-                if not self.is_checked:
+                if not self.is_checked and self.state.tick < last:
                     self._first_tick()
                     self.ready_s = time.perf_counter() - began
                     if self.profile is not None:
@@ -201,9 +208,19 @@ class Engine:
         if self.exact is not None:
             outcome.python_from, outcome.notes = self.exact.python_from, self.exact.notes
         outcome.arrays = self.recorder.finish(self.state.tick)
-        count = self.state.arrays.get("run/count")
-        outcome.events = None if count is None else self.namespace["log"][: int(count[0])]
+        outcome.events = self.log
         return outcome
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether ``run.stop`` has ended the run."""
+        return bool(self.state.stop[FOUND])
+
+    @property
+    def log(self) -> FloatArray | None:
+        """The located events so far, rows of time and guard; None if there are none to locate."""
+        count = self.state.arrays.get("run/count")
+        return None if count is None else self.namespace["log"][: int(count[0])]
 
     def _first_tick(self) -> None:
         """Run a tick in Python, which checks the form of every value."""

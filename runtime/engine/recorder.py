@@ -81,10 +81,15 @@ class Rows:
                 self.left += len(parts.pop(0))
         self.parts = tuple(parts)
 
+    @property
+    def first(self) -> int:
+        """The number of the first row that is kept."""
+        return self.left if self.keep is None else max(self.left, self.rows - self.keep)
+
     def close(self) -> FloatArray:
-        """All rows that are kept, the last ``keep``; ``left`` were before them."""
+        """All rows that are kept, the last ``keep`` of them."""
         whole = np.concatenate([np.empty((0, *self.shape)), *self.parts])
-        return whole if self.keep is None else whole[-self.keep :]
+        return whole[self.first - self.left :]
 
 
 class Stream:
@@ -139,6 +144,7 @@ class Recorder:
     gathered : rows of the buffers of the probes that have one, see :func:`buffer_rows`.
     folder : for their files; None for a temporary folder that is removed with the recorder.
     growing : to rows in memory instead of to files, unless there is a folder.
+    keep : the ticks of which rows in memory are kept, the last ones; None for all.
 
     Raises
     ------
@@ -153,6 +159,7 @@ class Recorder:
         gathered: Mapping[str, int],
         folder: Path | None = None,
         growing: bool = False,
+        keep: int | None = None,
     ) -> None:
         self.probes, self.gathered = probes, gathered
         self.sinks: dict[str, Rows | Stream] = {}
@@ -177,7 +184,8 @@ class Recorder:
             if probe.synapse is not None
         }
         for name in (gathered.keys() | self.filters.keys()) - self.sinks.keys():
-            self.sinks[name] = Rows(probes[name].shape)
+            rows = None if keep is None else probes[name].rows(keep)
+            self.sinks[name] = Rows(probes[name].shape, rows)
         # The rows of the buffer of each probe that does not fill the whole recording.
         self.buffers = {name: buffered(probes[name], gathered) for name in self.sinks}
         self.arrays = {
@@ -259,16 +267,19 @@ class Recorder:
         filled = min(1, tick) if probe.constant else probe.rows(tick)
         if name not in self.sinks:
             return self.arrays[name][:filled]
-        return self.sinks[name].close()[:filled]
+        sink = self.sinks[name]
+        first = sink.first if isinstance(sink, Rows) else 0
+        return sink.close()[: max(0, filled - first)]
 
     def saved(self, tick: int) -> Saved:
         """The rows so far, and what the filters remember."""
         self.flush(tick, all=True)
-        return {
-            name: (sink.parts, sink.rows, sink.left, self._filter(name))
-            for name, sink in self.sinks.items()
-            if isinstance(sink, Rows)
-        }
+        found: Saved = {}
+        for name, sink in self.sinks.items():
+            # Rows in a file stay there.
+            parts, left = (sink.parts, sink.left) if isinstance(sink, Rows) else ((), 0)
+            found[name] = parts, sink.rows, left, self._filter(name)
+        return found
 
     def _filter(self, name: str) -> FloatArray | None:
         return self.filters[name].saved() if name in self.filters else None
@@ -279,6 +290,9 @@ class Recorder:
             sink = self.sinks[name]
             if isinstance(sink, Rows):
                 sink.parts, sink.rows, sink.left = parts, rows, left
+            elif not sink.rows:
+                for part in parts:
+                    self._append(sink, part)
             if memory is not None:
                 self.filters[name].restore(memory)
 
@@ -287,7 +301,7 @@ class Recorder:
         step = self.probes[name].every * dt
         sink = self.sinks.get(name)
         if self.folder is None or not isinstance(sink, Stream):
-            first = sink.rows - rows if isinstance(sink, Rows) and sink.keep is not None else 0
+            first = sink.first if isinstance(sink, Rows) else 0
             return np.arange(first, first + rows, dtype=np.float64) * step
         try:
             stream = Stream(self.folder / recording_file(f"{name}.time"), ())

@@ -97,6 +97,14 @@ class Snapshot:
         return self.memory[start : start + math.prod(shape)].reshape(shape)
 
 
+@dataclass(frozen=True)
+class Begun:
+    """What a run was before its first tick: arrays, and what own blocks keep undeclared."""
+
+    arrays: Mapping[str, FloatArray]
+    own: Mapping[str, Mapping[str, Any]]
+
+
 @dataclass
 class RunState:
     """The state of one run of a program.
@@ -237,6 +245,26 @@ class RunState:
             name, _, attribute = key.rpartition(".")
             getattr(self.blocks[name], attribute).bit_generator.state = bits
 
+    def begun(self) -> Begun:
+        """A copy of the state before the first tick, by names."""
+        return Begun(self.copies(), {name: self.own_copies(name) for name in self.own})
+
+    def copies(self) -> dict[str, FloatArray]:
+        """Copies of the arrays, by name."""
+        return {name: array.copy() for name, array in self.arrays.items()}
+
+    def own_copies(self, name: str) -> dict[str, Any]:
+        """Copies of what an own block keeps undeclared; what cannot be copied stays as it is."""
+        held, found = vars(self.blocks[name]), {}
+        for key in self.undeclared(name):
+            if isinstance(held[key], np.random.Generator):
+                continue
+            try:
+                found[key] = copy.deepcopy(held[key])
+            except Exception:  # noqa: BLE001 -- copying runs code of the object
+                found[key] = held[key]
+        return found
+
     def generators(self, name: str) -> dict[str, np.random.Generator]:
         """The generators in a block's state: its own, and others of an own block."""
         held = vars(self.blocks[name])
@@ -245,19 +273,19 @@ class RunState:
 
     def _apart(self, name: str) -> Iterator[tuple[str, Array]]:
         """The arrays in a block's state that nothing declares, and that can be written to."""
-        for key in self._undeclared(name):
+        for key in self.undeclared(name):
             value = getattr(self.blocks[name], key)
             if isinstance(value, np.ndarray) and value.flags.writeable and not _is_copied(value):
                 yield key, value
 
-    def _undeclared(self, name: str) -> set[str]:
+    def undeclared(self, name: str) -> set[str]:
         """The attributes of a block's state that nothing declares."""
         declared = {state.name for state in self.program.plan.states[name]}
         return vars(self.blocks[name]).keys() - declared - GIVEN - {"rng"}
 
     def _others(self, name: str) -> Restored:
         """What puts back the undeclared attributes of a block's state."""
-        held, undeclared = vars(self.blocks[name]), self._undeclared(name)
+        held, undeclared = vars(self.blocks[name]), self.undeclared(name)
         found = {key: held[key] for key in undeclared}
         loose = {key: value for key, value in found.items() if _is_copied(value)}
         # What belongs to the run stays the same object where a copied one refers to it.
@@ -274,7 +302,7 @@ class RunState:
                 ) from error
 
         def restored() -> None:
-            for key in self._undeclared(name) - found.keys():
+            for key in self.undeclared(name) - found.keys():
                 del held[key]
             # Copied again, so that a snapshot can be restored twice.
             held.update(found | copy.deepcopy(loose, dict(memo)))

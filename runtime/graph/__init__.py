@@ -1,7 +1,27 @@
 """A graph in Python: ``graph`` is the class for users, ``content`` what one consists of."""
 
-from runtime.graph.content import Content, Examination, examine, examine_edit
-from runtime.graph.graph import Graph
-from runtime.graph.loading import load
+from __future__ import annotations
 
-__all__ = ["Content", "Examination", "Graph", "examine", "examine_edit", "load"]
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.graph.content import Content, Examination, examine, examine_edit
+    from runtime.graph.graph import Graph
+    from runtime.graph.loading import load
+    from runtime.graph.replaying import is_session, open_session, resumable
+else:
+    __getattr__ = door(__name__)
+
+__all__ = [
+    "Content",
+    "Examination",
+    "Graph",
+    "examine",
+    "examine_edit",
+    "is_session",
+    "load",
+    "open_session",
+    "resumable",
+]

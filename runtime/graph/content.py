@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from runtime.engine import Program
 
 
-Programs = dict[tuple[str | None, bool], "Program"]
+Programs = dict[tuple[str | None, bool, bool], "Program"]
 
 
 @dataclass
@@ -90,13 +90,16 @@ class CheckedGraph:
     programs: Programs = field(default_factory=dict)
     earlier: Programs = field(default_factory=dict)
 
-    def program(self, plots: Container[str] | None, profiled: bool) -> Program:
+    def program(
+        self, plots: Container[str] | None, profiled: bool, growing: bool = False
+    ) -> Program:
         from runtime.engine import Program
 
-        key = (None if plots is None else repr(plots), profiled)
+        key = (None if plots is None else repr(plots), profiled, growing)
         if key not in self.programs:
             observation = self.observation if plots is None else self.observation.only_for(plots)
-            program = Program(self.network, observation, profiled, self.earlier.get(key))
+            earlier = self.earlier.get(key)
+            program = Program(self.network, observation, profiled, earlier, growing)
             self.programs[key] = self.earlier[key] = program
         return self.programs[key]
 

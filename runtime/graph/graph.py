@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -28,16 +28,16 @@ from runtime.document import (
 )
 from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import CheckedGraph, Content, check_content
+from runtime.graph.running import Runnable
 from runtime.graph.saving import as_text, save, with_modules, without_modules
 from runtime.network import Network, discretize, is_variadic, replace_block
 from runtime.observation import Observation
 
 if TYPE_CHECKING:
     from runtime.engine import Program
-    from runtime.runs import Linearization, PreparedRun, Result, Trim
 
 
-class Graph:
+class Graph(Runnable):
     """A block diagram. A graph never changes: every change returns a changed copy.
 
     Parameters
@@ -130,12 +130,18 @@ class Graph:
         """What a run records, plots and measures; raises as :attr:`network` does."""
         return self._checked.observation
 
-    def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
+    def program(
+        self,
+        plots: Container[str] | None = None,
+        profiled: bool = False,
+        growing: bool = False,
+    ) -> Program:
         """What is executed; runs that differ in their seeds alone share it.
 
         ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
+        ``growing`` is for a run whose length is not known.
         """
-        return self._checked.program(plots, profiled)
+        return self._checked.program(plots, profiled, growing)
 
     def check(self) -> Graph:
         """Check everything that can be checked without running; returns the graph.
@@ -335,64 +341,6 @@ class Graph:
         if type(seed) is not int or seed < 0:
             return changed
         return Graph._of(changed._content, self._with_other_seed or self)
-
-    def run(
-        self,
-        *,
-        seed: int | None = None,
-        until: float | None = None,
-        engine: str | None = None,
-        progress: Callable[[int, int], None] | None = None,
-    ) -> Result:
-        """Simulate; see :class:`runtime.runs.result.Result`.
-
-        ``engine`` is "python", "compiled" or "auto", which compiles where it pays off.
-
-        Raises
-        ------
-        GraphError : the graph cannot run.
-        SimulationError : it failed; ``error.result`` holds what was recorded before.
-        """
-        from runtime.runs import simulate
-
-        graph = self
-        if seed is not None:
-            graph = graph.with_seed(seed)
-        if until is not None:
-            graph = graph._set("run.until", until)
-        if engine is not None:
-            graph = graph._set("run.engine", engine)
-        return simulate(graph.prepared(), progress)
-
-    def linearize(
-        self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any
-    ) -> Linearization:
-        """The graph as a linear system at an operating point; ``how`` as for
-        :func:`runtime.runs.linearization.linearize`: ``at``, ``states``, ``opened``.
-        """
-        from runtime.runs import linearize
-
-        return linearize(self.network, inputs, outputs, **how)
-
-    def trim(self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any) -> Trim:
-        """An equilibrium; ``how`` as for :func:`runtime.runs.equilibrium.trim`."""
-        from runtime.runs import trim
-
-        return trim(self.network, inputs, outputs, **how)
-
-    def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
-        """What a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""
-        from runtime.runs import PreparedRun
-
-        return PreparedRun(
-            self.program(plots, profiled),
-            self.network,
-            self.to_dict,
-            self.source,
-            self.texts,
-            self.overrides,
-            self.notes,
-        )
 
     def to_dict(self, *, modules: bool = False) -> dict[str, Value]:
         """The graph as plain values; ``modules`` adds the files of classes that Python gave."""

@@ -67,7 +67,9 @@ class UnwiredError(AddressError):
 
     def __init__(self, scope: Scope, port: str) -> None:
         self.scope, self.port = scope, port
-        super().__init__(f"nothing is wired to '{scope.prefix}{port}'")
+        own = scope.parent is None  # an input of the whole graph
+        name = f"inputs.{port}" if own else f"{scope.prefix}{port}"
+        super().__init__(f"'{name}' has no default" if own else f"nothing is wired to '{name}'")
 
 
 def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
@@ -197,7 +199,9 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
         owner = "graph" if scope.parent is None else "part"
         raise AddressError(f"'{text}' is not an input of this {owner}{suggestion}")
     if own := scope.own_value(rest[0]):
-        return _component(ResolvedAddress(Endpoint(own, "out")), rest[1:], text)
+        # Its block's output and its state may be named as those of other blocks are.
+        port = rest.pop(1) if rest[1:] and rest[1] in ("out", "value") else "out"
+        return _component(ResolvedAddress(Endpoint(own, port)), rest[1:], text)
     if scope.parent is None:
         raise UnwiredError(scope, rest[0])
     wires = scope.parent.wires.get(scope.name)
@@ -220,10 +224,12 @@ def _missing(start: Scope, scope: Scope, head: str) -> str:
     if head in scope.parts:
         outputs = ", ".join(f"{head}.{name}" for name in scope.parts[head].outputs) or "none"
         return f"'{head}' is a part; expected one of its outputs: {outputs}"
-    suggestion = hint(head, [*scope.names(), *scope.broken])
+    inputs = {name: f"inputs.{name}" for name in scope.inputs}
+    known = [*scope.names(), *scope.broken, *inputs.values()]
+    suggestion = hint(head, [*known, *scope.outputs] if scope.parent is None else known, inputs)
     if scope.parent is not None:
-        inputs = ", ".join(f"inputs.{name}" for name in scope.inputs) or "none"
-        suggestion = suggestion or f"; inputs of the part: {inputs}"
+        listed = ", ".join(inputs.values()) or "none"
+        suggestion = suggestion or f"; inputs of the part: {listed}"
         return f"there is no block '{head}' in part '{scope.prefix.rstrip('.')}'{suggestion}"
     suggestion = suggestion or f"; if it was deleted, restore it and write 'without: [{head}]'"
     return f"there is no block '{head}'{suggestion}"

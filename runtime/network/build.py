@@ -341,6 +341,8 @@ def _instead_of(key: str, values: Mapping[str, Node], cls: type[Block]) -> str:
     if key == "repeat":
         suggestion = "; only parts are repeated: put the block into one"
         return suggestion + (", or use groups" if "groups" in params else "")
+    if cls is GraphInput and key == "to":
+        return "; wires name their source: wires: {block: {port: inputs.NAME}}"
     if key == "graph":
         return "; parts are read with the file that names them"
     return hint(key, params) or f"; it has {', '.join(params) or 'none'}"

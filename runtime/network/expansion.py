@@ -64,6 +64,10 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
     scope.wires = entries("wires")
     scope.inputs, scope.outputs = entries("inputs"), entries("outputs")
     scope.defaults = entries("defaults")
+    for section_name, ports in (("inputs", scope.inputs), ("outputs", scope.outputs)):
+        for name in [name for name in ports if not NAME.fullmatch(name)]:
+            message = f"'{name}' is not a name for a port; use letters, digits and _"
+            problems.add(ports.pop(name).key, scope.path(section_name, ""), message)
     block_entries = entries("blocks")
     for name, entry in block_entries.items():
         address = scope.path("blocks", name)

@@ -68,6 +68,10 @@ def with_ports(network: Network, problems: Problems) -> Network:
             notes.append(port)
         elif port is not None:
             outputs[name] = port
+    read = {wire.source.block for wire in network.wires}
+    read |= {port.end.block for port in outputs.values()}
+    unread = (name for name, port in inputs.items() if port.end.block not in read)
+    notes += [f"inputs.{name}: nothing reads it" for name in unread]
     return network.changed(inputs=inputs, outputs=outputs, notes=tuple(notes))
 
 

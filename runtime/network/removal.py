@@ -121,9 +121,10 @@ def _blocks_named(network: Network, node: Node, address: str, problems: Problems
     """The blocks that a name stands for: one, or all of a part."""
     name = node.value
     inside = [full for full in network.entries if full == name or full.startswith(f"{name}.")]
-    known = network.scope.all_names()
+    inputs = {port: f"inputs.{port}" for port in network.scope.inputs}
+    known = [*network.scope.all_names(), *inputs.values()]
     if not inside and name not in known and name not in network.scope.broken:
-        suggestion = hint(name, known) or f"; blocks: {', '.join(known)}"
+        suggestion = hint(name, known, inputs) or f"; blocks: {', '.join(known)}"
         problems.add(node.where, address, f"there is no block '{name}'{suggestion}", True)
     return inside
 

@@ -27,6 +27,7 @@ from runtime.experiments.execution import (
 )
 from runtime.files import MAYBE_NUMBER, check_form
 from runtime.reports import pieces
+from runtime.reports.findings import of_ablation
 from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
 from runtime.terminal import with_unit
 
@@ -76,7 +77,9 @@ def ablation_report(folder: Path) -> str:
     }
     lead = f"Ablation of {results['graph']}: the baseline and {_count(results)} on the same seeds."
     title = str(results["experiment"])
-    return page("Ablation", title, lead, _facts(results, plan), sections, folder)
+    return page(
+        "Ablation", title, lead, _facts(results, plan), sections, folder, of_ablation(results)
+    )
 
 
 def _count(results: Mapping[str, Any]) -> str:
@@ -95,7 +98,6 @@ def _facts(results: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
             ("runs", str(sum(variant["runs"] for variant in variants))),
             ("failed runs", message),
             ("intervals", "95 %"),
-            ("test", str(results["test"]).partition(" (")[0]),
         ]
     )
 

@@ -125,6 +125,7 @@ def page(
     facts: Html,
     sections: Mapping[str, Html],
     folder: Path,
+    found: str = "",
 ) -> str:
     """A whole HTML document.
 
@@ -135,6 +136,7 @@ def page(
     facts : the few values at the top.
     sections : contents by title, with links at the top; empty ones are left out.
     folder : of the subject, named in the last line.
+    found : what came out, in a sentence or two.
     """
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     shown = {title: content for title, content in sections.items() if content}
@@ -155,6 +157,7 @@ def page(
             "header",
             element("p", kind, class_="kind"),
             element("h1", _breakable(title)),
+            element("p", found, class_="found") if found else Html(""),
             element("p", lead, class_="lead"),
             facts,
             element("nav", *links, aria_label="contents"),

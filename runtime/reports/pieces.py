@@ -37,6 +37,19 @@ def _digits(value: float, signed: bool) -> str:
     return terminal.number(value, sign).replace("-", "−")
 
 
+# From 1e-9 to 1e9: what each stands for.
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G"}
+WITH_PREFIX = frozenset({"m", "s", "A", "V", "W", "N", "J", "Hz", "Pa", "F"})
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, which gets a prefix where that is shorter: 5.885 mm, 12.97 s."""
+    power = math.floor(math.log10(abs(value)) / 3) * 3 if value and math.isfinite(value) else 0
+    if unit in WITH_PREFIX and power in PREFIXES and not 0.1 <= abs(value) < 1e4:
+        return f"{_digits(value / 10.0**power, False)} {PREFIXES[power]}{unit}"
+    return f"{_digits(value, False)} {unit}".rstrip()
+
+
 def interval(low: float | None, high: float | None, *, signed: bool = False) -> str:
     """The ends of an interval; a dash if there is none."""
     if low is None or high is None or math.isnan(low) or math.isnan(high):

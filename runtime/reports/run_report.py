@@ -12,6 +12,7 @@ from runtime.errors import UsageError
 from runtime.files import is_number
 from runtime.observation import Recording, RunData
 from runtime.reports import pieces
+from runtime.reports.findings import of_run
 from runtime.reports.html import Html, bullets, element, facts, join, page, table
 from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
 
@@ -39,7 +40,9 @@ def run_report(path: Path) -> str:
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
     }
-    return page("Run", result.title, _lead(result), _facts(result), sections, folder)
+    return page(
+        "Run", result.title, _lead(result), _facts(result), sections, folder, of_run(result)
+    )
 
 
 def _lead(result: RunData) -> str:
@@ -89,8 +92,9 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
         expects = expects or bool(expected)
         unit = result.units.get(name, "") if value is not None else ""
         named = value is None and name in result.never
-        number = result.metric_text(name) if named else pieces.number(value)
-        shown = join(number, f" {unit}" if unit else "")
+        shown: str = result.metric_text(name) if named else pieces.number(value)
+        if value is not None:
+            shown = element("span", pieces.quantity(value, unit), title=f"{value!r} {unit}".strip())
         rows.append([name, shown, expected, _definition(entry)])
     head = ["metric", "value", "expected", "definition"]
     if not expects:

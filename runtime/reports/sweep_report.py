@@ -23,6 +23,7 @@ from runtime.experiments.analysis import (
 from runtime.experiments.analysis.sweep_plots import sweep_figures
 from runtime.experiments.execution import GRAPH, INDEX, SUMMARY, Columns, Row, read_plan, read_rows
 from runtime.reports import pieces
+from runtime.reports.findings import of_sweep
 from runtime.reports.html import Html, element, facts, join, page, table
 from runtime.runs import DIAGRAM
 from runtime.terminal import short
@@ -88,7 +89,7 @@ def sweep_report(folder: Path) -> str:
         "Provenance": pieces.plan_provenance(folder, swept.plan),
     }
     facts = _facts(swept, configurations)
-    return page("Sweep", swept.data.name, _lead(swept), facts, sections, folder)
+    return page("Sweep", swept.data.name, _lead(swept), facts, sections, folder, _found(swept))
 
 
 def _read(folder: Path) -> _Sweep:
@@ -110,6 +111,16 @@ def _lead(swept: _Sweep) -> str:
     if goal is None:
         return f"{message}."
     return f"{message}, to {goal.goal} {goal.metric}."
+
+
+def _found(swept: _Sweep) -> str:
+    """The best configuration in a sentence, if there is one."""
+    goal, best = swept.data.objective, swept.tally.best
+    if goal is None or not best or not best[0].objective.n:
+        return ""
+    unit = swept.data.units.get(goal.metric, "")
+    mean = best[0].objective.mean
+    return of_sweep(swept.factors, best[0].cells, goal.metric, goal.goal, mean, unit)
 
 
 def _facts(swept: _Sweep, configurations: int) -> Html:

@@ -15,6 +15,7 @@ from runtime.experiments.tuning import NOTHING, TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_text
 from runtime.reports import pieces
+from runtime.reports.findings import of_tuning
 from runtime.reports.html import Html, element, facts, join, page, table
 from runtime.runs import DIAGRAM
 from runtime.terminal import with_unit
@@ -69,7 +70,15 @@ def tuning_report(folder: Path) -> str:
         "Graph": pieces.graph_file(folder / GRAPH, "The graph before factors are set."),
         "Provenance": pieces.plan_provenance(folder, read_plan(folder)),
     }
-    return page("Tuning", stored["experiment"], _lead(stored), _facts(stored), sections, folder)
+    return page(
+        "Tuning",
+        stored["experiment"],
+        _lead(stored),
+        _facts(stored),
+        sections,
+        folder,
+        of_tuning(stored),
+    )
 
 
 def _read(folder: Path) -> dict[str, Any]:

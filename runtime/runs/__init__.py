@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.runs.checkpoint import BEFORE, Checkpoints, restored
     from runtime.runs.commit import git_commit
     from runtime.runs.draft import (
         Draft,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     )
     from runtime.runs.equilibrium import Trim, trim
     from runtime.runs.folder import (
+        CHECKPOINT,
         DIAGRAM,
         MANIFEST,
         METRICS,
@@ -43,20 +45,31 @@ if TYPE_CHECKING:
     )
     from runtime.runs.linearization import Linearization, linearize
     from runtime.runs.notebook import Figures
+    from runtime.runs.operating_point import output_at
     from runtime.runs.result import Result, open_run
-    from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
+    from runtime.runs.simulation import (
+        PreparedRun,
+        at_start,
+        chosen_runner,
+        result_of,
+        simulate,
+        versions,
+    )
     from runtime.runs.stability import Margins, margins, step_info
     from runtime.runs.tables import dataframe
 else:
     __getattr__ = door(__name__)
 
 __all__ = [
+    "BEFORE",
+    "CHECKPOINT",
     "DIAGRAM",
     "MANIFEST",
     "METRICS",
     "PROBES",
     "RESOLVED",
     "WRITTEN",
+    "Checkpoints",
     "Draft",
     "Figures",
     "Linearization",
@@ -75,10 +88,13 @@ __all__ = [
     "margins",
     "new_folder",
     "open_run",
+    "output_at",
     "portable",
     "read_run",
     "recover",
     "remove",
+    "restored",
+    "result_of",
     "run_folder",
     "save",
     "save_elsewhere",

@@ -155,14 +155,14 @@ def _input_at(network: Network, text: str) -> Port:
         if entry.cls.spec.inputs[port].variadic:
             raise UsageError(f"'{text}' takes many wires; name the output that drives it")
         return block, port
-    end = _output_at(network, text)
+    end = output_at(network, text)
     if end.component or end.port in network.entries[end.block].cls.spec.states:
         raise UsageError(f"'{text}': expected a whole input or output of a block")
     return end.block, end.port
 
 
 def _cut_at(network: Network, text: str) -> Endpoint:
-    end = _output_at(network, text)
+    end = output_at(network, text)
     kind = network.types.get((end.block, end.port))
     if kind is None:
         raise UsageError(f"'{text}': expected an output of a block, at which the loop is cut")
@@ -170,11 +170,11 @@ def _cut_at(network: Network, text: str) -> Endpoint:
 
 
 def _watch(network: Network, text: str) -> Watched:
-    end = _output_at(network, text)
+    end = output_at(network, text)
     return Watched(end, end.port in network.entries[end.block].cls.spec.states)
 
 
-def _output_at(network: Network, text: str) -> Endpoint:
+def output_at(network: Network, text: str) -> Endpoint:
     try:
         end = find(network.scope, text).end
     except AddressError as error:

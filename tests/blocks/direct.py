@@ -76,6 +76,8 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Saturator": {"omega_max": 1.0},
     "ActuatorLag": {"tau": 0.1},
     "ActuatorDelay": {"delay": 0.03},
+    "MinimumSnap": {"waypoints": [[0, 0, 0], [1, 0, 1], [1, 2, 0]], "times": [0, 0.2, 0.5]},
+    "Latency": {"latency": 0.03},
     "MujocoVacuum": {"physics_step": 0.001},
 }
 

@@ -17,6 +17,7 @@ from blocks import (
     Block,
     BlockState,
     Constant,
+    Decoder,
     Delay,
     Gain,
     LinearMPC,
@@ -46,11 +47,23 @@ OTHERS = {
     "LinearMPC": [Case(LinearMPC(Q=[1.0, 1.0], R=[1.0], **MODEL))],
 }
 ALL = {**CASES, **OTHERS}
+
+
+def tunable(name: str) -> set[str]:
+    """The tunable parameters of a block, those of its settings included."""
+    declared = BUILTIN[name].spec.params
+    paths = set(declared)
+    for case in ALL.get(name, ()):
+        for key in declared:
+            inner = getattr(case.block.value(key), "declared", {})
+            paths |= {f"{key}.{each}" for each in inner if case.block.is_tunable(f"{key}.{each}")}
+    return {p for p in paths if "." in p or declared[p].tunable}
+
+
 NAMES = [
     pytest.param(name, parameter, id=f"{name}.{parameter}")
     for name in BUILTIN
-    for parameter, declared in BUILTIN[name].spec.params.items()
-    if declared.tunable
+    for parameter in sorted(tunable(name))
 ]
 
 
@@ -70,13 +83,18 @@ def others(value: Any) -> Iterator[Any]:
 
 def pairs(name: str, parameter: str) -> Iterator[tuple[Case, Block]]:
     """Cases of a block, each with a block in which one parameter has another value."""
+    head, _, inner = parameter.partition(".")
     for case in ALL[name]:
         given = {key: case.block.value(key) for key in case.block.spec.params}
-        for value in others(given[parameter]):
+        setting = given[head]
+        if inner and not case.block.is_tunable(parameter):
+            continue
+        for value in others(vars(setting)[inner] if inner else setting):
+            changed = type(setting)(**{**vars(setting), inner: value}) if inner else value
             with contextlib.suppress(ParameterError):
-                other = type(case.block)(**{**given, parameter: value})
+                other = type(case.block)(**{**given, head: changed})
                 case_context(case, other)
-                if repr(other.value(parameter)) != repr(given[parameter]):
+                if repr(other.value(head)) != repr(setting):
                     yield case, other
                     break
 
@@ -184,5 +202,9 @@ def test_a_block_of_another_shape_is_refused() -> None:
 
 
 def test_a_declaration_says_so() -> None:
-    assert Gain.spec.params["gain"].tunable
-    assert not UnitDelay.spec.params["initial"].tunable
+    assert Gain(gain=2.0).is_tunable("gain") and Gain(gain=[2.0, 1.0]).is_tunable("gain[1]")
+    assert not UnitDelay().is_tunable("initial") and not UnitDelay().is_tunable("initail")
+    assert Decoder(learning={"rule": "pes"}).is_tunable("learning.learning_rate")
+    for path in ("learning", "learning.tau", "points"):
+        assert not Decoder(learning={"rule": "pes"}).is_tunable(path)
+    assert not Decoder(learning={"rule": "rls"}).is_tunable("learning.learning_rate")

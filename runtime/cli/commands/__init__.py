@@ -33,9 +33,9 @@ class Verb(Protocol):
 
 
 _HERE = (
-    *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "check", "graphs"),
-    *("ablate", "sweep", "tune", "fit", "compare", "report", "export", "clean", "plugins"),
-    *("completion", "schema", "help"),
+    *("new", "run", "resume", "replay", "validate", "draw", "explain", "linearize"),
+    *("blocks", "check", "graphs", "ablate", "sweep", "tune", "contest", "fit"),
+    *("compare", "report", "export", "clean", "plugins", "completion", "schema", "help"),
 )
 _VERB: Any = Verb
 VERBS: Registry[Verb] = Registry(
@@ -47,5 +47,6 @@ VERBS: Registry[Verb] = Registry(
         # Rooms that can be removed bring their own.
         "render": "runtime.rendering",
         "lsp": "runtime.lsp",
+        "import": "runtime.nengo",
     },
 )

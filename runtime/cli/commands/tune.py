@@ -16,6 +16,7 @@ from runtime.cli.commands.workers import (
     show_results,
     start_early,
 )
+from runtime.errors import UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
@@ -53,6 +54,12 @@ def add(parser: ArgumentParser) -> None:
 def _add_search(parser: ArgumentParser) -> None:
     """Declare what is looked for, and how."""
     parser.add_argument("--trials", type=int, metavar="N", help="trials (100)")
+    parser.add_argument(
+        "--budget", type=int, metavar="N", help="the most training runs, in place of trials"
+    )
+    parser.add_argument(
+        "--repeats", type=int, metavar="K", help="K tunings by other sampling seeds: do they agree?"
+    )
     for goal in ("minimize", "maximize"):
         parser.add_argument(
             f"--{goal}", action="append", metavar="METRIC", default=[], help="an objective"
@@ -99,6 +106,8 @@ def run(options: Namespace) -> int:
     experiment = experiment_of(options)
     if options.write:
         check_writable(experiment)
+    if (experiment.entries.repeats or 1) > 1:
+        return _repeat(options, experiment)
     plan = tuning_plan(experiment, note_of(options))
     result = run_tuning(plan, run_options(options, plan.name), progress_of(options, plan.name))
     stored = save_json(result)
@@ -115,6 +124,26 @@ def run(options: Namespace) -> int:
     if not result.has_feasible:
         return 3
     return _write(experiment, result) if options.write else 0
+
+
+def _repeat(options: Namespace, experiment: Experiment) -> int:
+    """Tune several times, each in a folder of its own, and tell how far the tunings agree."""
+    from runtime.experiments.tuning import contest_plans, run_contest
+
+    if options.write:
+        raise UsageError("--write: of several tunings, none is written; leave out --repeats")
+    experiment.check_used("tuning")
+    result = run_contest(
+        experiment.name,
+        contest_plans(experiment, note_of(options)),
+        run_options(options, experiment.name),
+        lambda name: progress_of(options, name),
+    )
+    if result.is_interrupted:
+        tell(f"interrupted; --resume continues {result.folder}")
+        return 130
+    show_results(options, result.to_dict(), f"{result.text()}\n", [])
+    return 0
 
 
 def _write(experiment: Experiment, result: TuningResult) -> int:

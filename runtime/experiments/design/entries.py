@@ -32,10 +32,10 @@ QUESTION_KEYS = ("primary", "contrasts", "margin", "figures")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 TUNING_KEYS = (
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
-    *("training", "held_out"),
+    *("training", "held_out", "budget", "repeats"),
 )
 RUN_KEYS = ("seeds", "conditions")
-MOST_SAMPLES, MOST_TRIALS, MOST_BATCH = 10**9, 10**6, 4096
+MOST_SAMPLES, MOST_TRIALS, MOST_BATCH, MOST_REPEATS = 10**9, 10**6, 4096, 1000
 _CONSTRAINT = re.compile(r"\s*(?P<metric>\S+)\s+(?P<side>below|above)\s+(?P<bound>\S+)\s*")
 # The seeds and the conditions of training or of held-out runs.
 RunEntries = tuple[Seeds | None, tuple[GraphVariant, ...]]
@@ -57,6 +57,8 @@ class Entries:
     contrasts : variants that are compared with each other, besides with the baseline.
     margins : the smallest differences that count, by metric; '' for all others.
     figures : what is drawn besides the usual figures.
+    budget : the most training runs of a tuning, those that were stopped early included.
+    repeats : tunings with other seeds of the sampler.
     """
 
     seeds: Seeds | None = None
@@ -76,6 +78,8 @@ class Entries:
     contrasts: tuple[tuple[str, str], ...] = ()
     margins: tuple[tuple[str, float | str], ...] = ()
     figures: tuple[FigureSpec, ...] = ()
+    budget: int | None = None
+    repeats: int | None = None
 
     def overlay(self, other: Entries) -> Entries:
         """These entries with others over them: an entry of ``other`` replaces one of the same name.
@@ -135,6 +139,8 @@ def read_entries(
         contrasts=tuple(reader.contrasts()),
         margins=tuple(reader.margins()),
         figures=tuple(reader.figures()),
+        budget=reader.whole("budget", 1, MOST_TRIALS),
+        repeats=reader.whole("repeats", 1, MOST_REPEATS),
     )
 
 

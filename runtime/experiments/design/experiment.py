@@ -9,6 +9,7 @@ are reported together, with line and column::
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -50,6 +51,7 @@ from runtime.experiments.design.variants import GraphVariant
 from runtime.files import slug
 from runtime.graph import Graph, load
 
+TUNED = "tuning:"  # before the name of a tuning, in ``with``
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 # Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = (
@@ -59,6 +61,7 @@ PLAN_KEYS = (
 )
 KEYS = (
     *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", "data"),
+    "contestants",
     *QUESTION_KEYS,
     *(*TUNING_KEYS, *PLAN_KEYS),
 )
@@ -69,10 +72,15 @@ USED_BY = {
     "vary": ("sweep", "ablation", "tuning", "fit"),
     **dict.fromkeys(("random", "sobol", "variants", *QUESTION_KEYS), _COMPARING),
     **dict.fromkeys(("sampling_seed", "minimize", "maximize"), (*_COMPARING, "tuning")),
-    **dict.fromkeys(TUNING_KEYS, ("tuning",)),
+    **dict.fromkeys(TUNING_KEYS, ("tuning", "contest")),
+    "contestants": ("contest",),
     "data": ("fit",),
 }
-VERBS = {"sweep": "sweep", "ablation": "ablate", "tuning": "tune", "fit": "fit"}
+USED_BY |= {key: (*USED_BY[key], "contest") for key in ("minimize", "maximize", "margin")}
+VERBS = {
+    **{"sweep": "sweep", "ablation": "ablate", "tuning": "tune"},
+    **{"contest": "contest", "fit": "fit"},
+}
 Change = Callable[[Graph], Graph]
 
 
@@ -80,7 +88,8 @@ Change = Callable[[Graph], Graph]
 class Experiment:
     """What to run: a graph, what is varied in it, and ``variants`` of it; ``path`` is its file.
 
-    ``data`` is what was measured, which a fit compares the graph with; ``sections`` are the keys
+    ``data`` is what was measured, which a fit compares the graph with; ``contestants`` are tunings
+    of other graphs with the same runs; ``sections`` are the keys
     that the file has, with their positions.
     """
 
@@ -90,6 +99,7 @@ class Experiment:
     variants: tuple[GraphVariant, ...] = ()
     path: Path | None = None
     data: tuple[Measurement, ...] = ()
+    contestants: tuple[Experiment, ...] = ()
     sections: Mapping[str, Where] = field(default_factory=dict)
 
     def check_used(self, kind: str) -> None:
@@ -197,7 +207,8 @@ def _position(where: Where, otherwise: Where) -> Where:
 
 def is_experiment(document: Node) -> bool:
     """Whether a document describes an experiment, not a graph."""
-    return any(document.get(key) for key in ("experiment", "vary", "variants", "training", "data"))
+    keys = ("experiment", "vary", "variants", "training", "data", "contestants")
+    return any(document.get(key) for key in keys)
 
 
 @dataclass
@@ -239,6 +250,7 @@ class _ExperimentReader:
             ),
             variants=tuple(self.variants(graph)),
             data=tuple(self.measurements(graph)),
+            contestants=tuple(self.contestants(graph)),
             sections={key: node.key for key, node in document.items()},
         )
         problems.raise_any()
@@ -295,8 +307,30 @@ class _ExperimentReader:
             )
             return changed
         for item, place in names:
+            if item.value.startswith(TUNED):
+                graph = self.with_tuned(graph, item, place)
+                continue
             path = find_file(item.value, (item.where, place), self.folder)
             graph = graph.overlay(path, self.unsaved)
+        return graph
+
+    def with_tuned(self, graph: Graph, node: Node, address: str) -> Graph:
+        """A graph with the values that won a tuning: ``tuning:NAME``, or its folder."""
+        name = node.value.removeprefix(TUNED)
+        places = [self.folder / name, self.folder / "tunings" / name, Path("tunings") / name]
+        for path in (place / "tuning.json" for place in places):
+            if path.is_file():
+                try:
+                    stored = json.loads(path.read_text(encoding="utf-8"))
+                    winner = (*stored["front"], 0)[0]
+                    values = stored["configurations"][winner]["values"] or {}
+                except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+                    raise UsageError(f"'{path}' is not a tuning: {error}") from None
+                for key, value in values.items():
+                    graph = graph.set(key, value, origin=str(node.where))
+                return graph
+        message = f"there is no tuning '{name}': expected {places[0]} or {places[1]}"
+        self.problems.add(node.where, address, message)
         return graph
 
     def world(self, name: str, at: Location) -> str:
@@ -314,6 +348,27 @@ class _ExperimentReader:
     def variants(self, graph: Graph) -> list[GraphVariant]:
         section = self.document.get("variants")
         return [] if section is None else self.named_variants(section, "variants", graph)
+
+    def contestants(self, graph: Graph) -> Iterable[Experiment]:
+        """Each contestant as a tuning of its own: its graph, its factors, and all other entries."""
+        section = self.document.get("contestants")
+        if section is None:
+            return
+        for each in self.named_variants(section, "contestants", graph, (*VARIANT_KEYS, "vary")):
+            document = self.document.with_item("vary", section.value[each.name].get("vary"))
+            try:
+                changed = each.graph.check()
+            except GraphError as error:
+                self.problems.items += error.problems
+                continue
+            entries = read_entries(
+                *(document, changed, self.problems),
+                partial(self._conditions, graph=changed),
+            )
+            yield Experiment(each.name, changed, entries)
+
+    def _conditions(self, node: Node, address: str, graph: Graph) -> list[GraphVariant]:
+        return self.named_variants(node, address, graph)
 
     def measurements(self, graph: Graph) -> Iterable[Measurement]:
         section = self.document.get("data")

@@ -56,6 +56,7 @@ class TuningSettings:
         mean or its worst value.
     stop_early : whether a configuration that is worse than half of the others is stopped.
     training, held_out : the runs that decide, and those that judge the winners.
+    budget : the most training runs, or None.
     """
 
     objectives: tuple[Objective, ...]
@@ -68,6 +69,7 @@ class TuningSettings:
     stop_early: bool
     training: RunSet
     held_out: RunSet
+    budget: int | None = None
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -102,7 +104,7 @@ def tuning_of(experiment: Experiment) -> TuningSettings:
     return TuningSettings(
         objectives,
         entries.constraints,
-        entries.trials or TRIALS,
+        entries.trials or (TRIALS if entries.budget is None else entries.budget),
         entries.sampler or "tpe",
         entries.batch or BATCH,
         entries.sampling_seed or 0,
@@ -110,6 +112,7 @@ def tuning_of(experiment: Experiment) -> TuningSettings:
         entries.stop_early is not False,
         training,
         held_out,
+        entries.budget,
     )
 
 

@@ -1,5 +1,6 @@
 """Tuning: values of factors that are found by an optimiser, and judged by held-out runs."""
 
+from runtime.experiments.tuning.contest import ContestResult, contest_plans, run_contest
 from runtime.experiments.tuning.judging import Judgement
 from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
 from runtime.experiments.tuning.plan import TUNING, tuning_plan
@@ -11,10 +12,13 @@ __all__ = [
     "NOTHING",
     "TUNING",
     "Candidate",
+    "ContestResult",
     "Judgement",
     "TuningResult",
     "check_writable",
+    "contest_plans",
     "judgements",
+    "run_contest",
     "run_tuning",
     "save_json",
     "summary",

@@ -128,6 +128,14 @@ def _evaluate(
     return Evaluation(mean, len(values), over, paired)
 
 
+def held_out_units(
+    plan: TuningPlan, metric: str, one: Candidate
+) -> tuple[list[float | None], bool]:
+    """A metric of the held-out runs: one value per condition, or per seed of a single one."""
+    scorer = Scorer(plan.tuning, plan.metrics)
+    return _units(plan, scorer, metric, plan.tuning.held_out, one)
+
+
 def _units(
     plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate
 ) -> tuple[list[float | None], bool]:

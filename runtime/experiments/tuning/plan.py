@@ -134,6 +134,8 @@ class TuningPlan(ExperimentPlan):
         entries |= {"trials": tuning.trials, "sampler": tuning.sampler, "batch": tuning.batch}
         entries |= {"sampling_seed": tuning.seed, "over": tuning.over}
         entries["stop_early"] = tuning.stop_early
+        if tuning.budget is not None:
+            entries["budget"] = tuning.budget
         first = 0
         for name, runs in (("training", tuning.training), ("held_out", tuning.held_out)):
             slugs_of = self._conditions(runs, first)
@@ -155,10 +157,22 @@ def tuning_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:
     MissingExtraError : optuna is not installed.
     """
     experiment.check_used("tuning")
+    if not experiment.entries.factors:
+        raise UsageError("there is nothing to tune; add --vary PATH=RANGE")
+    return contestant_plan(experiment, note)
+
+
+def contestant_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:
+    """The plan of one tuning of a contest, in which a contestant may have nothing to tune.
+
+    Raises
+    ------
+    UsageError, MissingExtraError : as for :func:`tuning_plan`.
+    """
     graph, factors = experiment.graph, experiment.entries.factors
     tuning = tuning_of(experiment)
     if not factors:
-        raise UsageError("there is nothing to tune; add --vary PATH=RANGE")
+        tuning = replace(tuning, trials=0)
     check_paths(graph, factors)
     engine = engine_for(graph, (1 + tuning.trials) * len(tuning.training), note)
     conditions = [

@@ -79,8 +79,14 @@ class TuningResult:
         return sum(len(one.rows) for one in self.candidates)
 
 
-def run_tuning(plan: TuningPlan, options: RunOptions, progress: Progress) -> TuningResult:
+def run_tuning(
+    plan: TuningPlan, options: RunOptions, progress: Progress, always_judge: bool = False
+) -> TuningResult:
     """Run what has no row in the indices yet.
+
+    Parameters
+    ----------
+    always_judge : make the held-out runs of the graph's own values even if nothing is better.
 
     The optimiser is asked again from the start and told what the index holds, so that a tuning that
     was interrupted continues as if it had not been.
@@ -107,7 +113,7 @@ def run_tuning(plan: TuningPlan, options: RunOptions, progress: Progress) -> Tun
             _Training(plan, runner, index, result).run()
             best = [one for one in front(result.candidates) if one.number != BASELINE]
             result.winners = _spread(best, WINNERS)
-            if result.winners:
+            if result.winners or always_judge:
                 _judge(plan, runner, held_out_index, result)
             runner.finished = True
         except KeyboardInterrupt:
@@ -194,12 +200,19 @@ class _Training:
         if first is not None:
             self._tell(optimizer, [first], [own])
         count = 0
-        while count < tuning.trials:
-            batch = optimizer.ask(min(tuning.batch, tuning.trials - count))
+        while (number := min(tuning.batch, tuning.trials - count, self._affordable())) > 0:
+            batch = optimizer.ask(number)
             candidates = [Candidate(count + i, s.values) for i, s in enumerate(batch, start=1)]
             self._run_batch(candidates)
             self._tell(optimizer, batch, candidates)
             count += len(batch)
+
+    def _affordable(self) -> int:
+        """How many configurations the budget pays for, if none of them is stopped."""
+        budget = self.plan.tuning.budget
+        if budget is None:
+            return self.plan.tuning.trials
+        return (budget - self.result.runs) // len(self.plan.tuning.training)
 
     def _run_batch(self, batch: Sequence[Candidate]) -> None:
         running = list(batch)

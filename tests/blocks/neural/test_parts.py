@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.spatial import distance
 
 from blocks.core import SettingError
 from blocks.neural.decoder_solvers import DecoderSolver, Lasso, SingularError, ridge
@@ -45,6 +46,36 @@ def test_cosine_is_that_of_random_directions() -> None:
 def test_ball_is_even() -> None:
     points = Distribution.read("ball").draw(np.random.default_rng(0), 4000, 3)
     assert stats.kstest(np.linalg.norm(points, axis=1) ** 3, stats.uniform().cdf).pvalue > 0.01
+
+
+def spacing(points: np.ndarray) -> float:
+    """The smallest distance between two points."""
+    return float(distance.pdist(points).min())
+
+
+@pytest.mark.parametrize("d", [1, 2, 5])
+def test_scattered_points_are_uniform_and_even(d: int) -> None:
+    """As Nengo's ScatteredHypersphere and QuasirandomSequence: uniform, and no two nearly alike."""
+    rng, n = np.random.default_rng(1), 500
+    cube = Distribution.read("quasirandom(-2, 3)").draw(rng, n, d)
+    for j in range(d):
+        gaps = np.sort((cube[:, j] + 2.0) / 5.0) - (np.arange(n) + 0.5) / n
+        assert np.abs(gaps).max() < 0.03  # of random points, 0.06 is usual
+    plain = Distribution.read("uniform(-2, 3)").draw(rng, n, d)
+    assert spacing(cube) > 2.0 * spacing(plain)
+    ball = Distribution.read("scattered_ball").draw(rng, n, d)
+    radii = np.linalg.norm(ball, axis=1)
+    assert stats.kstest(radii**d, stats.uniform().cdf).statistic < 0.05
+    assert np.abs(ball.mean(axis=0)).max() < 0.04
+    sphere = Distribution.read("scattered_sphere").draw(rng, n, d)
+    np.testing.assert_allclose(np.linalg.norm(sphere, axis=1), 1.0, rtol=1e-12)
+    theirs = nengo.dists.ScatteredHypersphere(surface=True).sample(
+        n, d, rng=np.random.RandomState(0)
+    )
+    spread = np.linalg.eigvalsh(np.cov(sphere.T, bias=True).reshape(d, d))
+    wanted = np.linalg.eigvalsh(np.cov(theirs.T, bias=True).reshape(d, d))
+    np.testing.assert_allclose(spread, wanted, atol=0.03)
+    assert not np.array_equal(sphere, Distribution.read("scattered_sphere").draw(rng, n, d))
 
 
 def test_choice_and_given_numbers() -> None:

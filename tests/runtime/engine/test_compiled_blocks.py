@@ -221,6 +221,11 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
         Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
     ],
+    "SemanticPointer": [
+        Case(blocks.SemanticPointer(words=["A", "B*C"], times=[0.0, 0.002], dimensions=5), dt=0.001)
+    ],
+    "Similarity": [Case(blocks.Similarity(words=["A", "B*C"], dimensions=4), dt=0.001)],
+    "Superposition": [Case(blocks.Superposition(words=["A", "B*C"], dimensions=4), dt=0.001)],
     "SynapticFilter": [
         Case(blocks.SynapticFilter(synapse="triangle(0.005)"), dt=0.001),
         Case(
@@ -532,6 +537,37 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.DoubleIntegrator(), {"acceleration": kind}, free=("x", "v"))
         for kind in (Scalar, Twist, Vector(3))
     ],
+    "RigidBody": [
+        Case(blocks.RigidBody(attitude0=[1, 2, 3, 4], gravity=9.81)),
+        Case(blocks.RigidBody(inertia=[[2, 0.1, 0], [0.1, 3, 0], [0, 0, 4]], frame="body")),
+    ],
+    "Quadrotor": [
+        Case(blocks.Quadrotor(drag=[0.1, 0.2, 0.3], attitude0=[1, 0.2, 0.3, 0.4])),
+        Case(blocks.Quadrotor(layout="cross", hovers=False)),
+    ],
+    "RotorMixer": [Case(blocks.RotorMixer()), Case(blocks.RotorMixer(layout="cross"))],
+    "GeometricControl": [Case(blocks.GeometricControl())],
+    "Lemniscate": [Case(blocks.Lemniscate(size=[1, 2, 3], centre=[0, 1, 0], period=0.3))],
+    "MinimumSnap": [Case(blocks.MinimumSnap(**REQUIRED["MinimumSnap"]))],
+    "DrydenWind": [Case(blocks.DrydenWind(mean=[1, 2, 3], direction=0.5), free=("lags",))],
+    "IMU": [Case(blocks.IMU(gyro_bias=[0.1, 0, 0]))],
+    "GPS": [Case(blocks.GPS(drift=[1, 1, 2], tau=0.1))],
+    "Compass": [
+        Case(blocks.Compass(deviation=[0.1, 0.2], declination=0.1)),
+    ],
+    "WheelOdometry": [
+        Case(blocks.WheelOdometry(scale=[1.1, 0.9])),
+        Case(blocks.WheelOdometry(resolution=0.001)),
+    ],
+    "Dropout": [
+        Case(blocks.Dropout(probability=0.3), {"input": kind}) for kind in (Scalar, Pose, Vector(4))
+    ]
+    + [Case(blocks.Dropout(probability=0.3, burst=4))],
+    "Latency": [
+        Case(blocks.Latency(latency=0.02, jitter=0.05), {"input": kind})
+        for kind in (Scalar, Pose, Vector(4))
+    ]
+    + [Case(blocks.Latency(latency=0.02, jitter=0.05, ordered=False))],
     "PlanarArm": [
         Case(blocks.PlanarArm(**REQUIRED["PlanarArm"]), free=("x",)),
         Case(blocks.PlanarArm(lengths=[0.5], masses=[1.0], friction=0.1), free=("x",)),

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from runtime import GraphError, load
+from blocks import MassSpringDamper
+from blocks.core import GraphInput, started
+from runtime import Graph, GraphError, load
+from runtime.checking.check import context_for
+from runtime.runs import save
+from tests.compilers import needs_compiler
+from tests.runtime.engine.compiled_block import CompiledBlock
 
 GRAPH = """\
 graph: pushed
@@ -27,6 +35,7 @@ wires:
 probes:
   place: place
   both: [heading, inputs.push]
+  state: [inputs.push.value, inputs.push.out, inputs.wish.value.1]
   seen: seen.out
 metrics:
   end: {kind: final, of: place}
@@ -55,15 +64,38 @@ def test_a_graph_with_open_inputs_runs_with_the_defaults(tmp_path: Path, engine:
     t = 0.01 * np.arange(100)
     np.testing.assert_allclose(result["place"], 2.0 * t, atol=1e-12)
     assert (result["both"] == [3.0, 2.0]).all()
+    assert (result["state"] == [2.0, 2.0, 2.0]).all()
     assert (result["seen"] == [2.0, 4.0, 6.0]).all()
     assert result.metrics["end"] == pytest.approx(1.98)
 
 
 @ENGINES
-def test_what_is_written_to_the_state_is_the_signal(tmp_path: Path, engine: str) -> None:
+def test_another_default_is_set_as_a_parameter(tmp_path: Path, engine: str) -> None:
     path = graph(tmp_path, ("default: 2.0", "default: -1.5"))
     result = load(path).set("run.engine", engine).set("inputs.push.default", 4.0).run()
     assert result["place"][-1] == pytest.approx(4.0 * 0.99)
+
+
+@needs_compiler
+@pytest.mark.parametrize("written", ["Scalar", "Pose", "Vector(12)", "Path(3)"])
+def test_what_is_written_to_the_state_is_the_signal_from_then_on(written: str) -> None:
+    block = GraphInput(type=written, default=2.0)
+    context = context_for(block, {}, 0.01)
+    state = started(block, context)
+    compiled = CompiledBlock(block, state, {})
+    for number in (2.0, 5.0, -1.0):
+        state.value = number
+        shape = context.types["out"].shape
+        for out in (block.output(state, 0.0), compiled.call("output", 0.0)):
+            assert np.array_equal(np.asarray(out), np.full(shape, number))
+
+
+def test_a_graph_of_python_has_ports() -> None:
+    ports = {"inputs": {"push": {"type": "Scalar", "default": 6.0}}, "outputs": {"x": "m.position"}}
+    mass = MassSpringDamper(damping=30.0, stiffness=3.0)
+    empty = Graph("mass", dt=0.01, until=100.0).add("m", mass).overlay(ports)
+    result = empty.connect("inputs.push", "m.force").probe("x").run()
+    assert result["x"][-1] == pytest.approx(2.0, abs=1e-3)
 
 
 def test_ports_are_declared_once(tmp_path: Path) -> None:
@@ -124,6 +156,10 @@ def test_a_value_is_checked_against_the_declaration(tmp_path: Path) -> None:
         (("inputs.wish.theta", "{of: inputs.wish.theta, unit: m}"), ["expected rad", "got m"]),
         (("of: place", "of: plase"), ["there is no probe 'plase', did you mean 'place'?"]),
         (("inputs.wish.theta", "heading"), ["'heading' leads through parts in a circle"]),
+        (("doc: a push", "to: mass.input"), ["inputs.push.to: unknown", "{port: inputs.NAME}"]),
+        (("  wish:", "  a b:"), ["inputs: 'a b' is not a name for a port"]),
+        (("  heading:", "  1st:"), ["outputs: '1st' is not a name for a port"]),
+        (("default: 2.0, ", "optional: true, "), ["since 'inputs.push' has no default"]),
         (
             ("default: 2.0, ", ""),
             ["inputs: push has no default, which a graph that runs by itself"],
@@ -222,6 +258,46 @@ def test_an_input_can_be_removed_where_its_readers_allow_it(tmp_path: Path) -> N
 def test_a_port_is_an_input_of_a_linearization(tmp_path: Path) -> None:
     linear = load(graph(tmp_path)).linearize(inputs=["push"], outputs=["place"])
     assert (linear.b.tolist(), linear.c.tolist()) == ([[1.0]], [[1.0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda g: g.set("push", 5.0),
+            "there is no 'push' in the graph, did you mean 'inputs.push",
+        ),
+        (lambda g: g.set("inputs.push.default", 50.0), "expected at most the max, 10.0, got 50.0"),
+        (lambda g: g.without("push"), "there is no block 'push', did you mean 'inputs.push'?"),
+        (lambda g: g.wire("mass.input", "push"), "no block 'push', did you mean 'inputs.push'?"),
+        (lambda g: g.wire("mass.input", "inputs.wish.y"), ""),
+        (lambda g: g.wire("mass.input", "inputs.wsh.y"), "did you mean 'wish'?"),
+    ],
+)
+def test_changes_from_outside_name_inputs(
+    tmp_path: Path, change: Callable[[Graph], Graph], message: str
+) -> None:
+    if not message:
+        change(load(graph(tmp_path))).check()
+        return
+    with pytest.raises(GraphError, match=re.escape(message)):
+        change(load(graph(tmp_path))).check()
+
+
+def test_an_input_that_nothing_reads_is_noted(tmp_path: Path) -> None:
+    assert not load(graph(tmp_path)).network.notes
+    path = graph(tmp_path, ("seen: {input: inputs.wish}", "seen: {input: inputs.push}"))
+    assert not load(path).network.notes
+    path = graph(tmp_path, ("inputs.wish.theta", "mass.out"), text=path.read_text())
+    path.write_text(path.read_text().replace(", inputs.wish.value.1", ""))
+    assert load(path).network.notes == ("inputs.wish: nothing reads it",)
+
+
+def test_a_run_that_goes_on_from_another_has_its_own_inputs(tmp_path: Path) -> None:
+    save(load(graph(tmp_path)).run(), tmp_path / "first")
+    back = load(graph(tmp_path)).begin_from(tmp_path / "first").set("inputs.push.default", -2.0)
+    later = back.run()
+    np.testing.assert_allclose(later["place"][[0, -1]], [2.0, 0.02], atol=1e-12)
 
 
 def test_a_diagram_shows_the_inputs(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ from tests.studies.contest.contestants import (
     name_of,
     write,
 )
-from tests.studies.contest.page import draw, page
+from tests.studies.contest.page import page
+from tests.studies.contest.picture import draw
 from tests.studies.contest.results import DOUBLED, Contest
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -54,8 +55,9 @@ def main() -> int:
         if "weaknesses" in options.parts:
             weaknesses.measure(options.out)
     contest = Contest(options.out)
-    draw(contest, DOCS / "images" / "comparison.png")
-    (DOCS / "comparison.md").write_text(page(contest), encoding="utf-8")
+    text = page(contest)
+    draw(text, DOCS / "images" / "comparison.png")
+    (DOCS / "comparison.md").write_text(text, encoding="utf-8")
     return 0
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 from tests.studies.contest import budgets, fronts, one_setting, weaknesses
-from tests.studies.contest.contestants import CONTESTANTS, TASKS, WIDER, Task
+from tests.studies.contest.contestants import TASKS, WIDER, Task
 from tests.studies.contest.opening import SPIKES, sentences, verdict_table
 from tests.studies.contest.results import (
     CHANGE,
@@ -36,9 +35,11 @@ lines say who has not been run. The experiment files are in `tests/studies/conte
 `runtime tune FILE` runs one of them again.
 """
 
-FIGURE = """Case C, held-out runs: each contestant under both limits, joined by a line, those with
-spikes as diamonds; dotted are tunings for error and effort at once. Bars are 95 % intervals over
-the conditions.
+SEEN = "Mean errors of all contestants with their intervals, in a panel for each case"
+FIGURE = """Mean errors on the held-out runs, a panel for each case, the best contestant on top.
+Orange is spiking adaptation together with its own LQR, and the dashed line the tuned LQR. Lines are
+95 % intervals over the conditions, cut at 0.3 times the mean. Drawn from the tables below by
+`python -m tests.studies.contest.picture`.
 """
 
 READING = """## How to read this
@@ -93,7 +94,7 @@ def page(contest: Contest) -> str:
         "## In short\n",
         "\n".join(numbered) + "\n",
         verdict_table(contest),
-        "![Error against effort](images/comparison.png)\n",
+        f"![{SEEN}](images/comparison.png)\n",
         FIGURE,
         *(part for section in sections for part in section.tables()),
         budgets.section(contest),
@@ -245,52 +246,3 @@ def _healed(one: Contestant, heals: Sequence[str]) -> tuple[str, ...]:
 def _found(one: Contestant, limit: str) -> tuple[str, ...]:
     values = ", ".join(f"{path} = {value:g}" for path, value in one.values.items())
     return one.name, limit, str(one.stored["trials"]), str(one.stored["runs"]), values
-
-
-def draw(contest: Contest, path: Path) -> None:
-    """Held-out error against effort: each contestant's winners, with their intervals."""
-    from matplotlib import colormaps
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, ScalarFormatter
-
-    from runtime.plots import save_figure
-
-    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
-    axes = figure.subplots()
-    for number, name in enumerate(CONTESTANTS):
-        winners = [
-            one
-            for limit, who in contest.limits.items()
-            for one in who
-            if one.name == name and TASKS[limit].case == "C"
-        ]
-        if not winners:
-            continue
-        color = colormaps["tab20"](number % 20)
-        errors = [one.held_out(ERROR) for one in winners]
-        efforts = [one.held_out(CHANGE).mean for one in winners]
-        axes.plot(
-            efforts,
-            [MM * error.mean for error in errors],
-            "-D" if name in SPIKES else "-o",
-            color=color,
-            label=name,
-        )
-        front = [
-            (one.held_out(CHANGE).mean, one.held_out(ERROR).mean)
-            for one in contest.fronts.get(name, ())
-        ]
-        if front:
-            axes.plot(
-                *zip(*((e, MM * m) for e, m in sorted(front)), strict=True), ":.", color=color
-            )
-        for effort, error in zip(efforts, errors, strict=True):
-            axes.plot([effort] * 2, [MM * error.low, MM * error.high], color=color, alpha=0.5)
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
-    axes.yaxis.set_major_formatter(ScalarFormatter())
-    axes.yaxis.set_minor_formatter("")
-    axes.set_xlabel("change of the commanded turn rate in 50 ms, rms (rad/s), held-out runs")
-    axes.set_ylabel("error on the held-out runs (mm)")
-    figure.legend(loc="outside right upper", fontsize=7.0)
-    save_figure(figure, path)

@@ -1,0 +1,233 @@
+"""What one engine takes over from another: the state of a run, by names.
+
+In: a run that has come to a tick. Out: the same in an engine that has not begun: of the same graph,
+so that it goes on with the same bits (a copy, a checkpoint), or of a changed one. There a block of
+the same name, type and shapes keeps what the run has moved; what ``start`` computed and the run has
+not touched since, such as the gains of neurons, follows the graph's new parameters::
+
+    state             began as    is now     begins in the changed graph as    taken over
+    integral          0           1.7        0.5                               1.7
+    gain              200         200        150                               150
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray
+from runtime.engine.engine import Engine
+from runtime.engine.recorder import Saved
+from runtime.engine.state import Begun, RunState
+from runtime.observation import Probe
+from runtime.plan import Port
+
+# The entries of the solver's control that follow from the graph: tolerances, longest and shortest
+# step.
+TOLERANCES = slice(1, 5)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The state of a run by names, in copies.
+
+    arrays : by ``block.state`` or ``run/name``. held : the signals that outlive a tick.
+    generators : states of bit generators, by ``block.attribute``.
+    own : what own blocks keep undeclared, by block and attribute.
+    recording : the rows so far. log : the located events so far.
+    python_from : the tick from which a compiled run is under the Python engine; ``notes`` say why.
+    """
+
+    tick: int
+    arrays: Mapping[str, FloatArray]
+    held: Mapping[Port, Any]
+    generators: Mapping[str, Mapping[str, Any]]
+    own: Mapping[str, Mapping[str, Any]]
+    recording: Saved
+    log: FloatArray | None
+    python_from: int | None = None
+    notes: tuple[str, ...] = ()
+
+
+def carried(engine: Engine) -> Carried:
+    """What another engine needs to go on."""
+    state = engine.state
+    generators = {
+        f"{name}.{key}": generator.bit_generator.state
+        for name in state.blocks
+        for key, generator in state.generators(name).items()
+    }
+    return Carried(
+        state.tick,
+        state.copies(),
+        {signal.key: value for signal, value in zip(engine.plan.held, state.held, strict=True)},
+        generators,
+        {name: state.own_copies(name) for name in state.own},
+        engine.recorder.saved(state.tick),
+        None if engine.log is None else engine.log.copy(),
+        None if engine.exact is None else engine.exact.python_from,
+        () if engine.exact is None else tuple(engine.exact.notes),
+    )
+
+
+def adopt(engine: Engine, given: Carried) -> None:
+    """Go on in a prepared engine of the same graph as if it had run up to here."""
+    state = engine.state
+    for name, array in state.arrays.items():
+        array[...] = given.arrays[name]
+    for name in state.blocks:
+        _take_generators(state, name, given)
+    for name in state.own:
+        _take_own(state, name, given.own.get(name, {}))
+    _go_on(engine, given)
+    engine.recorder.restore(given.recording)
+    engine.is_checked = given.tick > 0
+    if engine.exact is not None and given.python_from is not None:
+        engine.exact.leave(given.python_from, given.notes)
+
+
+def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
+    """Go on in a prepared engine of a changed graph, with what is the same in both."""
+    state, entries = engine.state, engine.network.entries
+    for name, entry in entries.items():
+        old = before.network.entries.get(name)
+        if old is None or old.cls.__name__ != entry.cls.__name__:
+            continue
+        keys = [key for key in _keys(state, name) if not entry.cls.spec.states[key].cached]
+        if any(f"{name}.{key}" not in given.arrays for key in keys):
+            continue
+        if any(
+            given.arrays[f"{name}.{k}"].shape != state.arrays[f"{name}.{k}"].shape for k in keys
+        ):
+            continue
+        for key in keys:
+            _take(state.arrays[f"{name}.{key}"], f"{name}.{key}", given, before.begun)
+        _take_generators(state, name, given)
+        first = before.begun.own.get(name, {})
+        moved = {
+            k: v for k, v in given.own.get(name, {}).items() if not same_value(v, first.get(k))
+        }
+        _take_own(state, name, moved)
+        engine.starting.guard(name, partial(entry.block.resume, state.blocks[name]))
+    _take_run(engine, before, given)
+    _go_on(engine, given)
+    engine.recorder.restore(_same_probes(engine, before, given.recording))
+    # Compiled ticks go on where the plan is the same, since Python may round differently.
+    engine.is_checked = before.is_checked and engine.plan == before.plan
+
+
+def _keys(state: RunState, name: str) -> list[str]:
+    """The declared states of a block."""
+    return sorted(vars(state.blocks[name])["_declared"])
+
+
+def _fits(array: FloatArray, given: FloatArray | None) -> bool:
+    return given is not None and given.shape == array.shape
+
+
+def _take(array: FloatArray, name: str, given: Carried, first: Begun) -> None:
+    """Take over a state that has moved, or that begins as it did before."""
+    now, start = given.arrays[name], first.arrays[name]
+    if now.tobytes() != start.tobytes() or array.tobytes() == start.tobytes():
+        array[...] = now
+
+
+def _take_generators(state: RunState, name: str, given: Carried) -> None:
+    block = state.blocks[name]
+    if "rng" in vars(block) and f"{name}.rng" not in given.generators:
+        block.rng.bit_generator.state = np.random.PCG64(block.seed).state
+    for key, bits in given.generators.items():
+        owner, _, attribute = key.rpartition(".")
+        if owner == name and (attribute == "rng" or attribute in vars(block)):
+            getattr(block, attribute).bit_generator.state = bits
+
+
+def _take_own(state: RunState, name: str, values: Mapping[str, Any]) -> None:
+    """Put undeclared values in place: in arrays that are there, which others may refer to."""
+    held = vars(state.blocks[name])
+    for key, value in values.items():
+        there = held.get(key)
+        both = isinstance(there, np.ndarray) and isinstance(value, np.ndarray)
+        if both and there.shape == value.shape and there.flags.writeable:  # type: ignore[union-attr]
+            there[...] = value  # type: ignore[index]
+        else:
+            setattr(state.blocks[name], key, copy.deepcopy(value))
+
+
+def _go_on(engine: Engine, given: Carried) -> None:
+    """The tick, the signals that hold, and the events so far."""
+    state = engine.state
+    state.tick = given.tick
+    held = []
+    for signal in engine.plan.held:
+        value = given.held.get(signal.key)
+        if isinstance(value, np.ndarray) and value.shape == signal.kind.shape:
+            value = signal.kind.pack(value)
+        fits = value is not None and signal.kind.holds(value, exact=False)
+        held.append(value if fits else signal.kind.zero())
+    state.held = engine.runner.adopt(tuple(held))
+    if given.log is not None and "log" in engine.namespace:
+        count = min(len(given.log), len(engine.namespace["log"]))
+        engine.namespace["log"][:count] = given.log[:count]
+        state.arrays["run/count"][0] = count
+
+
+def _take_run(engine: Engine, before: Engine, given: Carried) -> None:
+    """The solver's step, the sides of guards, and the last solutions of loops."""
+    arrays, old, new = engine.state.arrays, before.plan, engine.plan
+    if "run/control" in arrays and old.integration and old.solver == new.solver:
+        kept = arrays["run/control"][TOLERANCES].copy()
+        arrays["run/control"][:] = given.arrays["run/control"]
+        arrays["run/control"][TOLERANCES] = kept
+    if "run/sides" in arrays and "run/sides" in given.arrays:
+        first = {str(c.guards): c for c in old.integration.crossings}  # type: ignore[union-attr]
+        for crossing in new.integration.crossings:  # type: ignore[union-attr]
+            same = first.get(str(crossing.guards))
+            if same is not None and same.directions == crossing.directions:
+                sides = given.arrays["run/sides"][same.start : same.stop]
+                arrays["run/sides"][crossing.start : crossing.stop] = sides
+    solved = {tuple(s.key for s in loop.unknowns): loop.number for loop in old.loops}
+    for loop in new.loops:
+        number = solved.get(tuple(signal.key for signal in loop.unknowns))
+        if number is not None:
+            arrays[f"run/loop_{loop.number}"][...] = given.arrays[f"run/loop_{number}"]
+    if old.can_stop and before.program.observation.stop == engine.program.observation.stop:
+        arrays["run/stop"][...] = given.arrays["run/stop"]
+
+
+def _same_probes(engine: Engine, before: Engine, rows: Saved) -> Saved:
+    """The rows of probes that record the same; the others have none before this tick."""
+    found: Saved = {}
+    tick = engine.state.tick
+    for name in engine.recorder.sinks:
+        probe, old = engine.recorder.probes[name], before.recorder.probes.get(name)
+        if old is not None and name in rows and _meaning(probe) == _meaning(old):
+            found[name] = rows[name]
+        else:
+            memory = None
+            if probe.synapse is not None:
+                filtering = engine.recorder.filters[name]
+                filtering.taken, filtering.made = -(-tick // probe.input_every), probe.rows(tick)
+                memory = filtering.saved()
+            found[name] = (), probe.rows(tick), probe.rows(tick), memory
+    return found
+
+
+def _meaning(probe: Probe) -> Any:
+    signals = tuple((s.address, str(s.kind), s.labels) for s in probe.signals)
+    return signals, probe.every, str(probe.synapse), probe.shape
+
+
+def same_value(one: Any, other: Any) -> bool:
+    """Whether two values are equal; of values that cannot be compared, whether they are one."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return type(one) is type(other) and one.tobytes() == other.tobytes()
+    try:
+        return one is other or bool(one == other)
+    except Exception:  # noqa: BLE001 -- comparing runs code of the object
+        return False

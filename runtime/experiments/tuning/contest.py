@@ -1,0 +1,234 @@
+"""Contests: contestants that are tuned with equal budgets, and judged on the same held-out runs.
+
+In: a tuning for each contestant and each repeat. Out: :class:`ContestResult`: one paired table over
+the held-out conditions (or seeds, of one condition), and how far the tunings of each agree::
+
+    LQR: 0.031, 0.039; PID: 0.044, 0.180   (held-out error of two tunings each)
+    ->  PID - LQR  difference +0.077 ...   PID: tunings from 0.044 to 0.18
+
+What a contestant enters is the winner of its training runs, or its own values where none is better:
+held-out runs choose nothing. A tuning repeated with another seed of the sampler is the same
+contestant, tuned as well as it happened to be: conditions are paired over the mean of all tunings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.experiments.analysis import (
+    CORRECTION,
+    ComparisonLine,
+    Questions,
+    Sample,
+    compare,
+    comparison_table,
+    legend,
+)
+from runtime.experiments.design import Experiment, RunSet, slugs
+from runtime.experiments.execution import Note, RunOptions, write_checked
+from runtime.experiments.tuning.judging import held_out_units
+from runtime.experiments.tuning.output import save_json
+from runtime.experiments.tuning.plan import BASELINE, TuningPlan, contestant_plan
+from runtime.experiments.tuning.running import TuningResult, run_tuning
+from runtime.experiments.tuning.scores import Candidate
+from runtime.terminal import Progress, number, table
+
+CONTEST = "contest.json"
+
+
+@dataclass
+class ContestResult:
+    """A contest that has ended, or was interrupted: the tunings of each contestant."""
+
+    name: str
+    folder: Path
+    tunings: dict[str, list[TuningResult]] = field(default_factory=dict)
+    margins: Mapping[str, float | str] = field(default_factory=dict)
+    is_interrupted: bool = False
+
+    @property
+    def plan(self) -> TuningPlan:
+        """That of the first contestant: runs and objectives are those of all."""
+        return next(iter(self.tunings.values()))[0].plan
+
+    @cached_property
+    def lines(self) -> list[ComparisonLine]:
+        """The paired table: each contestant beside the first, then all other pairs."""
+        names = list(self.tunings)
+        plan = self.plan
+        samples = {
+            (metric, ""): {name: self._sample(name, metric) for name in names}
+            for metric in plan.tuning.metrics
+        }
+        pairs = [(b, a) for i, a in enumerate(names[1:], 1) for b in names[i + 1 :]]
+        asked = Questions("auto", (), pairs, self.margins, plan.ends, plan.never)
+        return compare(samples, names[0], asked)
+
+    def _sample(self, name: str, metric: str) -> Sample:
+        """Of each unit the mean over the tunings; a failed run is the worst value."""
+        tunings = [held_out_units(each.plan, metric, entered(each)) for each in self.tunings[name]]
+        units = zip(*(values for values, _ in tunings), strict=True)
+        means = tuple(
+            None if None in unit else float(np.mean([v for v in unit if v is not None]))
+            for unit in units
+        )
+        failed = sum(value is not None and math.isinf(value) for value in means)
+        return Sample(means, failed, all(same for _, same in tunings) and len(tunings) == 1)
+
+    def scores(self, name: str, metric: str) -> list[float]:
+        """The metric of each tuning over the held-out runs; NaN where it has no value."""
+        return [
+            math.nan if (score := entered(each).score) is None else score.metrics[metric]
+            for each in self.tunings[name]
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What contest.json holds."""
+        plan, tuning = self.plan, self.plan.tuning
+        return {
+            **plan.header(self.folder),
+            "kind": "contest",
+            "experiment": self.name,
+            "budget": tuning.budget,
+            "trials": tuning.trials,
+            "held_out": _runs(tuning.held_out),
+            "contestants": {
+                name: [_tuning_data(each) for each in tunings]
+                for name, tunings in self.tunings.items()
+            },
+            "correction": CORRECTION,
+            "table": [line.to_dict() for line in self.lines],
+        }
+
+    def text(self) -> str:
+        """The tunings, the table, and how far tunings agree."""
+        plan, tuning = self.plan, self.plan.tuning
+        repeats = len(next(iter(self.tunings.values())))
+        cost = f"{tuning.trials} trials" if tuning.budget is None else f"{tuning.budget} runs"
+        lines = [f"{self.name}: {len(self.tunings)} contestants x {repeats} tunings of {cost}"]
+        lines.append(f"held out: {_runs(tuning.held_out)}")
+        head = ["contestant", "seed", "trials", "runs", *tuning.metrics, "values"]
+        rows = [[name, *row] for name, own in self.tunings.items() for row in map(self._row, own)]
+        lines += ["", table([head, *rows], right=range(1, 4 + len(tuning.metrics)))]
+        if len(self.tunings) > 1:
+            lines += ["", comparison_table(self.lines, plan.units, plan.never), ""]
+            lines += [legend(self.lines).replace("the baseline on the same seed", self._paired)]
+        return "\n".join([*lines, *self._agreement()])
+
+    @property
+    def _paired(self) -> str:
+        unit = "condition" if len(self.plan.tuning.held_out.conditions) > 1 else "seed"
+        return f"{next(iter(self.tunings))}, or to the one named, on the same {unit}"
+
+    def _row(self, tuning: TuningResult) -> list[str]:
+        one, plan = entered(tuning), tuning.plan
+        values = [] if one.values is None else zip(plan.paths, plan.cells(one.values), strict=True)
+        shown = ", ".join(f"{path}={value}" for path, value in values) or "its own"
+        metrics = [] if one.score is None else [one.score.metrics[m] for m in plan.tuning.metrics]
+        tried = len(tuning.candidates) - 1
+        return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
+
+    def _agreement(self) -> Iterator[str]:
+        """By how much the tunings of each contestant differ; nothing if there is one of each."""
+        metric = self.plan.tuning.metrics[0]
+        for name in self.tunings:
+            scores = self.scores(name, metric)
+            if len(scores) > 1:
+                best, worst = min(scores), max(scores)
+                is_ratio = best > 0.0 and worst < math.inf
+                ratio = f", a ratio of {worst / best:.3g}" if is_ratio else ""
+                ends = f"{number(best)} to {number(worst)}"
+                yield f"{name}: {metric} of {len(scores)} tunings from {ends}{ratio}"
+
+
+def entered(tuning: TuningResult) -> Candidate:
+    """The held-out runs of a tuning's winner, or of its own values if it has none."""
+    winner = tuning.winners[0].number if tuning.winners else BASELINE
+    return tuning.held_out[winner]
+
+
+def contest_plans(experiment: Experiment, note: Note) -> dict[str, list[TuningPlan]]:
+    """The plans of each contestant: one for each seed of the sampler.
+
+    An experiment without contestants is its only one, so that a tuning can be repeated.
+
+    Raises
+    ------
+    UsageError, MissingExtraError : a contestant cannot run, or optuna is not installed.
+    """
+    plans = {}
+    for each in experiment.contestants or (experiment,):
+        # Options of the command line are laid over what the file says of all contestants.
+        entries = each.entries
+        if each is not experiment:
+            entries = replace(
+                entries.overlay(experiment.entries),
+                factors=entries.factors,
+                training=_over(entries.training, experiment.entries.training),
+                held_out=_over(entries.held_out, experiment.entries.held_out),
+            )
+        first = entries.sampling_seed or 0
+        plans[each.name] = [
+            contestant_plan(replace(each, entries=replace(entries, sampling_seed=seed)), note)
+            for seed in range(first, first + (entries.repeats or 1))
+        ]
+    return plans
+
+
+def _over(own: Any, common: Any) -> Any:
+    """The conditions of a contestant's own graph, with the seeds that a command may have set."""
+    return (common[0] or own[0], own[1])
+
+
+def run_contest(
+    name: str,
+    plans: Mapping[str, Sequence[TuningPlan]],
+    options: RunOptions,
+    progress_of: Callable[[str], Progress],
+    margins: Mapping[str, float | str] | None = None,
+) -> ContestResult:
+    """Tune each contestant, in a folder of its own; what has been tuned is not tuned again.
+
+    Raises
+    ------
+    UsageError : as for :func:`run_tuning`.
+    """
+    result = ContestResult(name, options.folder, {}, margins or {})
+    folders = slugs(list(plans))
+    for contestant, repeats in plans.items():
+        own = result.tunings.setdefault(contestant, [])
+        for plan in repeats:
+            folder = options.folder / f"{folders[contestant]}-{plan.tuning.seed}"
+            own_options = replace(options, folder=folder)
+            done = run_tuning(plan, own_options, progress_of(folder.name), always_judge=True)
+            own.append(done)
+            save_json(done)
+            if done.is_interrupted:
+                result.is_interrupted = True
+                return result
+    write_checked(options.folder / CONTEST, result.to_dict())
+    return result
+
+
+def _runs(runs: RunSet) -> str:
+    return f"seeds {runs.seeds}; conditions {', '.join(runs.names)}"
+
+
+def _tuning_data(tuning: TuningResult) -> dict[str, Any]:
+    one = entered(tuning)
+    paths = tuning.plan.paths
+    return {
+        "folder": tuning.folder.name,
+        "sampling_seed": tuning.plan.tuning.seed,
+        "trials": len(tuning.candidates) - 1,
+        "runs": tuning.runs,
+        "values": None if one.values is None else dict(zip(paths, one.values, strict=True)),
+        "metrics": {} if one.score is None else dict(one.score.metrics),
+    }

@@ -1,0 +1,283 @@
+"""What reaches each population, node and rule of a Nengo network, with passthrough nodes folded.
+
+In: a network and its built simulator. Out: for each place that receives, a sum of matrices times
+sources: outputs of nodes, decoded spikes, and filtered sources::
+
+    node -> passthrough -> b[1]        b receives  [[0], [1]] @ node
+    arrays of ensembles                one source for a connection that each of them has
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import nengo
+import numpy as np
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError
+
+
+@dataclass(eq=False)
+class Population:
+    """One ensemble, or the ensembles of an array, which are one block with groups."""
+
+    members: list[Any]
+    name: str = ""
+
+    @property
+    def first(self) -> Any:
+        return self.members[0]
+
+    @property
+    def groups(self) -> int:
+        return len(self.members)
+
+
+@dataclass(eq=False)
+class NodeOutput:
+    """What a node that computes, or is given, puts out."""
+
+    node: Any
+    size: int
+
+
+@dataclass(eq=False)
+class Decoded:
+    """Weighted spikes of a population, through a synapse.
+
+    weights : (rows, n) for each member, or None where a member has no such connection.
+    connection : one of the network's that has them, of which function and rule are read.
+    """
+
+    population: Population
+    synapse: Any
+    connection: Any
+    weights: list[FloatArray | None]
+    rows: int
+
+    @property
+    def size(self) -> int:
+        return self.rows * self.population.groups
+
+    @property
+    def scales(self) -> bool:
+        """Whether its weights may be multiplied: a rule learns those that Nengo has."""
+        return self.connection.learning_rule_type is None
+
+    @property
+    def is_single(self) -> bool:
+        """Whether its population is one ensemble."""
+        return self.population.groups == 1
+
+
+@dataclass(eq=False)
+class Filtered:
+    """A source through a synapse of its own."""
+
+    source: Source
+    synapse: Any
+
+    @property
+    def size(self) -> int:
+        return self.source.size
+
+
+@dataclass(eq=False)
+class Computed:
+    """A function of a connection that comes from a node."""
+
+    function: Any
+    terms: Terms
+    length: int
+    size: int
+
+
+Source = NodeOutput | Decoded | Filtered | Computed
+Terms = list[tuple[Source, FloatArray]]
+
+
+@dataclass
+class Flow:
+    """The sums that reach the receivers of a network."""
+
+    network: Any
+    simulator: Any
+    populations: list[Population] = field(default_factory=list)
+    sources: dict[Any, Source] = field(default_factory=dict)
+    decoded: dict[Any, Decoded] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.incoming: dict[Any, list[Any]] = {}
+        for each in self.network.all_connections:
+            self.incoming.setdefault(each.post_obj, []).append(each)
+        self.of: dict[Any, tuple[Population, int]] = {}
+        arrays = [n for n in self.network.all_networks if _is_array(n, self.network)]
+        for members in [n.ea_ensembles for n in arrays]:
+            self._add(Population(list(members)))
+        for ensemble in self.network.all_ensembles:
+            if ensemble not in self.of and not is_direct(ensemble):
+                self._add(Population([ensemble]))
+        self.array_of = {m: n for n in arrays for m in n.ea_ensembles}
+
+    def _add(self, population: Population) -> None:
+        self.populations.append(population)
+        for i, member in enumerate(population.members):
+            self.of[member] = (population, i)
+
+    def into(self, receiver: Any) -> Terms:
+        """What reaches an ensemble, its neurons, a node or a rule of learning."""
+        terms: Terms = []
+        of = getattr(receiver, "ensemble", None)
+        for each in (c for c in self.incoming.get(of, ()) if is_full(c)):
+            terms += self.through(each)
+        for each in self.incoming.get(receiver, ()):
+            if is_full(each):
+                continue
+            place = np.zeros((receiver.size_in, each.size_out))
+            place[np.arange(receiver.size_in)[each.post_slice], np.arange(each.size_out)] = 1.0
+            terms += [(source, place @ matrix) for source, matrix in self.through(each)]
+        return summed(terms)
+
+    def into_population(self, population: Population, neurons: bool = False) -> Terms:
+        """What reaches all members, one after the other."""
+        receivers = [m.neurons if neurons else m for m in population.members]
+        each = receivers[0].size_in
+        terms: Terms = []
+        for i, receiver in enumerate(receivers):
+            for source, matrix in self.into(receiver):
+                place = np.zeros((each * len(receivers), matrix.shape[1]))
+                place[i * each : (i + 1) * each] = matrix
+                terms.append((source, place))
+        return summed(terms)
+
+    def through(self, connection: Any) -> Terms:
+        """What a connection brings, with its function, its transform and its synapse."""
+        before = connection.pre_obj
+        is_neurons = isinstance(before, nengo.ensemble.Neurons)
+        ensemble = before.ensemble if is_neurons else before
+        if isinstance(ensemble, nengo.Ensemble) and not is_direct(ensemble):
+            return self._decoded(connection, ensemble, is_neurons)
+        matrix = self.matrix(connection, connection.size_mid)
+        if isinstance(before, nengo.Node) and before.output is not None:
+            source = self.sources.setdefault(before, NodeOutput(before, before.size_out))
+            terms: Terms = [(source, np.eye(before.size_out))]
+        else:
+            terms = self.into(before)
+        chosen = np.eye(before.size_out)[np.arange(before.size_out)[connection.pre_slice]]
+        terms = [(source, chosen @ m) for source, m in terms]
+        if connection.function is not None:
+            computed = Computed(connection.function, terms, len(chosen), connection.size_mid)
+            source = self.sources.setdefault(connection, computed)
+            terms = [(source, np.eye(connection.size_mid))]
+        terms = [(source, matrix @ m) for source, m in terms]
+        return [(self.filtered(source, connection.synapse), m) for source, m in terms]
+
+    def matrix(self, connection: Any, columns: int) -> FloatArray:
+        """The transform of a connection as a matrix."""
+        weights = self.simulator.data[connection].weights
+        if weights is None:
+            return np.eye(connection.size_out, columns)
+        if hasattr(weights, "toarray"):
+            weights = weights.toarray()
+        weights = np.asarray(weights, dtype=float)
+        if weights.ndim < 2:
+            return np.diag(weights) if weights.ndim else weights * np.eye(columns)
+        if weights.shape != (connection.size_out, columns):
+            raise UsageError(f"{connection}: a {type(connection.transform).__name__} is not read")
+        return weights
+
+    def _decoded(self, connection: Any, ensemble: Any, is_neurons: bool) -> Terms:
+        population, index = self.of[ensemble]
+        family: tuple[Any, ...] = (connection,)
+        if population.groups > 1:
+            post = self.array_of.get(connection.post_obj, connection.post_obj)
+            same = [
+                each
+                for each in self.network.all_connections
+                if each.pre_obj is ensemble
+                and self.array_of.get(each.post_obj, each.post_obj) is post
+            ]
+            family = (population, post, same.index(connection), connection.size_out)
+            family += (connection.synapse,)
+        weights = self._weights(connection, ensemble, is_neurons)
+        rows, groups = len(weights), population.groups
+        source = self.decoded.get(family)
+        if source is None:
+            source = Decoded(population, connection.synapse, connection, [None] * groups, rows)
+            self.decoded[family] = source
+        source.weights[index] = weights
+        matrix = np.zeros((rows, source.size))
+        matrix[:, index * rows : (index + 1) * rows] = np.eye(rows)
+        return [(source, matrix)]
+
+    def _weights(self, connection: Any, ensemble: Any, is_neurons: bool) -> FloatArray:
+        if not is_neurons:
+            weights = np.asarray(self.simulator.data[connection].weights, dtype=float)
+            if is_full(connection):
+                # Nengo multiplies such weights by the gains, and so does an Ensemble its currents.
+                gain = self.simulator.data[connection.post_obj].gain[:, None]
+                weights = np.divide(weights, gain, out=np.zeros_like(weights), where=gain != 0.0)
+            return weights
+        columns = np.arange(ensemble.n_neurons)[connection.pre_slice]
+        weights = np.zeros((connection.size_out, ensemble.n_neurons))
+        weights[:, columns] = self.matrix(connection, len(columns))
+        return weights
+
+    def filtered(self, source: Source, synapse: Any) -> Source:
+        """A source through one more synapse; that of decoded spikes is their own."""
+        if synapse is None:
+            return source
+        found = self.sources.get((source, synapse))
+        if found is None:
+            if isinstance(source, Decoded) and source.synapse is None:
+                found = Decoded(
+                    source.population, synapse, source.connection, source.weights, source.rows
+                )
+            else:
+                found = Filtered(source, synapse)
+            self.sources[source, synapse] = found
+        return found
+
+
+def summed(terms: Iterable[tuple[Source, FloatArray]]) -> Terms:
+    """Terms with one matrix for each source."""
+    total: dict[Source, FloatArray] = {}
+    for source, matrix in terms:
+        total[source] = total[source] + matrix if source in total else matrix
+    return [(source, matrix) for source, matrix in total.items() if matrix.any()]
+
+
+def is_full(connection: Any) -> bool:
+    """Whether a connection between ensembles has a weight for each pair of neurons."""
+    solver = getattr(connection, "solver", None)
+    return (
+        isinstance(connection.pre_obj, nengo.Ensemble)
+        and isinstance(connection.post_obj, nengo.Ensemble)
+        and bool(getattr(solver, "weights", False))
+    )
+
+
+def is_direct(ensemble: Any) -> bool:
+    """Whether an ensemble computes without neurons."""
+    return isinstance(ensemble, nengo.Ensemble) and isinstance(ensemble.neuron_type, nengo.Direct)
+
+
+def _is_array(network: Any, whole: Any) -> bool:
+    """Whether an EnsembleArray can be one block: equal members, no rules, no single neurons."""
+    if not isinstance(network, nengo.networks.EnsembleArray) or len(network.ea_ensembles) < 2:
+        return False
+    members = set(network.ea_ensembles)
+    kinds = {
+        (e.n_neurons, e.dimensions, e.radius, repr(e.neuron_type), repr(e.noise)) for e in members
+    }
+    if len(kinds) > 1 or is_direct(network.ea_ensembles[0]):
+        return False
+    for each in whole.all_connections:
+        of = getattr(each.pre_obj, "ensemble", None)
+        touched = {each.pre_obj, each.post_obj} & members
+        if of in members or (touched and each.learning_rule_type is not None):
+            return False
+    return True

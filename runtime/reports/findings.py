@@ -1,0 +1,134 @@
+"""The sentence that a report begins with: what came out, in words and with the deciding number.
+
+In: a run, the table of an ablation, the best configuration of a sweep. Out: plain text::
+
+    "Settled at 12.97 s, mean error 0.254 m."
+    "The baseline settled in 10 of 10 runs, without adaptive in none (p = 0.002)."
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from runtime.experiments.analysis import LEVEL, NEVER
+from runtime.observation import RunData
+from runtime.reports import pieces
+
+MOST = 3  # metrics, or variants, in a sentence
+BASELINE = "baseline"
+
+
+def words(name: str) -> str:
+    """A metric's name as words: "settled_at" is "settled at"."""
+    return name.replace("_", " ")
+
+
+def of_run(result: RunData) -> str:
+    """What a run came to: how it ended, which expectations failed, its first metrics."""
+    if result.status == "failed":
+        return f"The run failed: {result.manifest.get('error') or 'without a message'}"
+    if result.failures:
+        count = len(result.failures)
+        return f"{count} expectation{'s' * (count > 1)} failed: {'; '.join(result.failures)}."
+    told = []
+    for name, value in list(result.metrics.items())[:MOST]:
+        if value is not None:
+            told.append(f"{words(name)} {pieces.quantity(value, result.units.get(name, ''))}")
+        elif name in result.never:
+            told.append(result.metric_text(name))
+    ended = "" if result.status == "complete" else f"{result.status}: "
+    return _sentence(f"{ended}{', '.join(told)}") if told else ""
+
+
+def of_ablation(results: Mapping[str, Any]) -> str:
+    """The differences from the baseline that are significant, those of the first metric first."""
+    lines = results["table"]
+    own = {line["metric"]: line for line in lines if line["variant"] == BASELINE}
+    compared = [line for line in lines if line["difference"] is not None and _is_whole(line)]
+    found = [line for line in compared if _is_significant(line) and line["metric"] in own]
+    if not compared:
+        return ""
+    if not found:
+        return "No variant differs significantly from the baseline in any metric."
+    first = [line for line in found if line["metric"] == found[0]["metric"]]
+    told = " ".join(_difference(results, own[line["metric"]], line) for line in first[:MOST])
+    variants = len({line["variant"] for line in found})
+    more = f" {variants} variants differ significantly from the baseline in at least one metric."
+    return told + (more if len(first) > MOST or variants > len(first) else "")
+
+
+def _is_whole(line: Mapping[str, Any]) -> bool:
+    """Whether a line compares a variant with the baseline over all settings."""
+    return line.get("reference") in (None, BASELINE) and not line.get("setting")
+
+
+def _is_significant(line: Mapping[str, Any]) -> bool:
+    difference = line["difference"]
+    verdict = str(difference.get("verdict", ""))
+    return verdict.startswith("yes") if verdict else bool(difference["distinguishable"])
+
+
+def _difference(results: Mapping[str, Any], own: Mapping[str, Any], line: Mapping[str, Any]) -> str:
+    """One significant difference: shares of runs where they differ, else means."""
+    name, variant, runs = line["metric"], line["variant"], line["runs"]
+    difference = line["difference"]
+    never = str((results.get("never") or {}).get(name, NEVER))
+    if own["n"] != line["n"]:
+        p = difference.get("p_presence")
+        p = difference["p_adjusted"] if p is None else p
+        did = never.removeprefix("never ") if never.startswith("never ") else f"had {words(name)}"
+        without = f"{line['n']}" if line["n"] else "none"
+        text = f"the baseline {did} in {own['n']} of {own['runs']} runs, {variant} in {without}"
+        return _sentence(text, _p(p))
+    unit = str((results.get("units") or {}).get(name, ""))
+    text = (
+        f"{variant}: {words(name)} {pieces.quantity(line['mean'], unit)} instead of "
+        f"{pieces.quantity(own['mean'], unit)}, over {runs} seeds"
+    )
+    return _sentence(text, _p(difference["p_adjusted"]))
+
+
+def _p(p: float | None) -> str:
+    if p is None:
+        return ""
+    return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
+def of_sweep(
+    factors: Sequence[str], cells: Sequence[str], metric: str, goal: str, mean: float, unit: str
+) -> str:
+    """The best configuration, and its objective."""
+    values = ", ".join(f"{name} = {cell}" for name, cell in zip(factors, cells, strict=True))
+    largest = "largest" if goal == "maximize" else "smallest"
+    return _sentence(f"{largest} {words(metric)}, {pieces.quantity(mean, unit)}, at {values}")
+
+
+def of_tuning(stored: Mapping[str, Any]) -> str:
+    """The best winner beside the graph's own values on the held-out runs, metric by metric."""
+    return " ".join(_won(stored))
+
+
+def _won(stored: Mapping[str, Any]) -> Iterator[str]:
+    front = stored["front"]
+    for name in [*stored.get("minimize", ()), *stored.get("maximize", ())][:MOST]:
+        lines = {line["configuration"]: line for line in stored["table"] if line["metric"] == name}
+        if not front or front[0] not in lines or 0 not in lines:
+            continue
+        own, best = (lines[number]["held_out"] for number in (0, front[0]))
+        if not own.get("n") or not best.get("n"):
+            continue
+        unit = str(stored["units"].get(name, ""))
+        p = (best.get("difference") or {}).get("p_adjusted")
+        verdict = "" if p is None or p < LEVEL else "not significant, "
+        text = (
+            f"{words(name)} on the held-out runs is {pieces.quantity(best['mean'], unit)} with "
+            f"configuration {front[0]}, and {pieces.quantity(own['mean'], unit)} with the graph's "
+            "own values"
+        )
+        yield _sentence(text, verdict + _p(p) if p is not None else "")
+
+
+def _sentence(text: str, note: str = "") -> str:
+    """A text with a capital letter, a note in brackets and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{f' ({note})' if note else ''}."

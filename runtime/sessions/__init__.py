@@ -1,0 +1,24 @@
+"""Sessions: a run that is stepped, read, written to, changed, copied and repeated.
+
+In: a graph. Out: a :class:`Session`, whose changes are logged with their ticks::
+
+    s = graph.session(seed=3)
+    s.run(0.5)
+    s.set("fault.gain", [1, 0.5])
+    s.run(0.5)
+    s.result()                  # as of a run: probes, metrics, plots
+    s.save("sessions/a")        # runtime replay sessions/a computes the same bits
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
+
+if TYPE_CHECKING:
+    from runtime.sessions.session import CALLS, GRAPH, RUN, SESSION, VERSION, Session
+else:
+    __getattr__ = door(__name__)
+
+__all__ = ["CALLS", "GRAPH", "RUN", "SESSION", "VERSION", "Session"]

@@ -1,0 +1,345 @@
+"""A session: one run between its start and whatever comes, with one owner of its state.
+
+Its methods let time pass (``run``, ``step``), look (``read``, ``result``), change what is run
+(``write``, ``set``, ``wire``, ``without``, ...) or copy it (``snapshot``, ``restore``, ``branch``).
+A change acts from the next tick on and is logged with it; the graph, the seed and the log are all
+that it takes to compute the same bits again.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from blocks.core import hint, show
+from runtime.document import dump_yaml
+from runtime.engine import Carried, Engine, Reader, adopt, adopt_changed, carried
+from runtime.errors import SimulationError, UsageError
+from runtime.files import json_text, own_file, own_folder, system_errors, write_whole
+from runtime.network import Network
+from runtime.plan import Signal, Source
+from runtime.runs import (
+    PreparedRun,
+    Result,
+    chosen_runner,
+    contents,
+    output_at,
+    portable,
+    result_of,
+)
+
+
+class ChangeableGraph(Protocol):
+    """A graph as a session needs it: :class:`runtime.Graph`, whose changes are copies."""
+
+    @property
+    def network(self) -> Network: ...
+    @property
+    def texts(self) -> Mapping[str, bytes]: ...
+    def prepared(self, *, growing: bool) -> PreparedRun: ...
+    def check(self) -> Any: ...
+    def set(self, path: str, value: Any) -> Any: ...
+    def to_dict(self, *, modules: bool) -> dict[str, Any]: ...
+
+
+# The methods that are logged; all but the first are those of a graph.
+SESSION, GRAPH, RUN, VERSION = "session.json", "graph.yaml", "run", 1
+CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change: the tick before which it was made, the method and its arguments."""
+
+    tick: int
+    call: str
+    arguments: tuple[Any, ...]
+
+    def __str__(self) -> str:
+        return f"tick {self.tick}: {self.call}({', '.join(map(repr, self.arguments))})"
+
+
+@dataclass(frozen=True, eq=False)
+class SessionSnapshot:
+    """The state of a session at one time; it can be restored any number of times."""
+
+    t: float
+    graph: ChangeableGraph
+    engine: Engine
+    carried: Carried
+    log: tuple[Change, ...]
+
+
+class Session:
+    """A run of a graph that goes on as it is told.
+
+    Parameters
+    ----------
+    graph : with the seed and the engine of the run.
+    keep : how much of the recordings stays in memory (s), the last part; all by default.
+
+    ``first`` is the graph before the first change. Times are in the graph's ``time_unit``.
+
+    Raises
+    ------
+    GraphError : the graph is wrong. SimulationError : a block cannot start.
+    """
+
+    def __init__(self, graph: ChangeableGraph, keep: float | None = None) -> None:
+        if keep is not None and not (math.isfinite(keep) and keep > 0.0):
+            raise UsageError(f"expected a time above 0 to keep, got {keep}")
+        self.first, self.keep = graph, keep
+        self._graph = graph
+        self._began = datetime.now().astimezone()
+        self._log: list[Change] = []
+        self._failed: SimulationError | None = None
+        self._begin(self._prepared(graph))
+
+    # Time
+
+    @property
+    def tick(self) -> int:
+        """How many ticks are done."""
+        return self._engine.state.tick
+
+    @property
+    def t(self) -> float:
+        """The time of the next tick."""
+        return self.tick * self._engine.network.dt
+
+    @property
+    def stopped(self) -> bool:
+        """Whether ``run.stop`` has ended the run; it goes on after a change or a restore."""
+        return self._engine.is_stopped
+
+    @property
+    def graph(self) -> ChangeableGraph:
+        """The graph with all changes so far."""
+        return self._graph
+
+    @property
+    def log(self) -> tuple[Change, ...]:
+        """The changes that led to the present state, in order."""
+        return tuple(self._log)
+
+    def run(self, seconds: float) -> Session:
+        """Let time pass, rounded to whole ticks, or until ``run.stop`` is met; returns itself.
+
+        Raises
+        ------
+        SimulationError : a block failed; the session stays where it was before that tick's call.
+        """
+        ticks = seconds / self._engine.network.dt
+        if not (math.isfinite(ticks) and ticks >= 0.0):
+            raise UsageError(f"expected a time of at least 0 to run, got {seconds}")
+        return self.step(round(ticks))
+
+    def step(self, ticks: int = 1) -> Session:
+        """Do some ticks; returns itself."""
+        if self._failed is not None:
+            raise self._failed
+        last = self.tick + ticks
+        if last > self._engine.network.ticks:
+            self._extend(last)
+        try:
+            self._engine.advance(last)
+        except SimulationError as error:
+            self._failed = error
+            error.result = self.result()
+            raise
+        return self
+
+    # Signals
+
+    def read(self, address: str) -> Any:
+        """A signal, a component or a state at the time ``t``: a float, or an array.
+
+        A signal is what the next tick will compute, a state what it finds.
+
+        Raises
+        ------
+        UsageError : there is no such address.
+        """
+        network = self._engine.network
+        end = output_at(network, address)
+        kind = network.types.get((end.block, end.port))
+        if kind is None:
+            array = np.asarray(getattr(self._engine.state.blocks[end.block], end.port))
+            value = (
+                array[tuple(int(i) for i in end.component.split("."))] if end.component else array
+            )
+        else:
+            signal = Signal(end.block, end.port, kind)
+            value = np.asarray(self._reader.read(signal), dtype=np.float64)
+            if end.component:
+                value = value[Source(signal, end.component).columns]
+        return float(value) if np.ndim(value) == 0 else np.array(value)
+
+    def write(self, port: str, value: Any) -> None:
+        """Set an input of the graph, from the next tick on.
+
+        Raises
+        ------
+        UsageError : there is no such input, or the value is out of its bounds.
+        """
+        self._write(port, value)
+        self._note("write", port, np.asarray(value, dtype=np.float64).tolist())
+
+    def _write(self, port: str, value: Any) -> None:
+        inputs = self._engine.network.inputs
+        if port not in inputs:
+            known = hint(port, inputs) or (
+                f"; the inputs are {', '.join(inputs)}" if inputs else ""
+            )
+            none = "; a graph's own inputs are declared in its section 'inputs'" * (not inputs)
+            raise UsageError(f"the graph has no input {show(port)}{known}{none}")
+        declared = inputs[port]
+        try:
+            array = declared.value(value)
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+        self._engine.state.blocks[declared.end.block].value[...] = array
+
+    # Changes
+
+    def set(self, path: str, value: Any) -> None:
+        """Change one entry of the graph, such as ``fault.gain``, from the next tick on.
+
+        Raises
+        ------
+        GraphError : it is wrong; the session stays as it was. So for the other changes.
+        """
+        self._change("set", path, value)
+
+    def wire(self, consumer: str, source: str | Sequence[str] | None) -> None:
+        """Connect an input to another source: ``wire("snn.error", "error.heading")``."""
+        self._change("wire", consumer, source)
+
+    def without(self, *names: str) -> None:
+        """Remove blocks or parts."""
+        self._change("without", *names)
+
+    def bypass(self, *names: str) -> None:
+        """Bypass blocks: what they take in passes straight through."""
+        self._change("bypass", *names)
+
+    def replace(self, name: str, kind: str) -> None:
+        """Put a block of another type in a block's place."""
+        self._change("replace", name, kind)
+
+    def overlay(self, source: Any) -> None:
+        """Merge another graph over this one."""
+        self._change("overlay", source)
+
+    def _change(self, call: str, *arguments: Any) -> None:
+        graph = getattr(self._graph, call)(*arguments)
+        graph.check()
+        if graph.network.dt != self._engine.network.dt:
+            raise UsageError("run.dt cannot change in a session: ticks count its time")
+        self._move_to(graph)
+        self._note(call, *arguments)
+
+    def _note(self, call: str, *arguments: Any) -> None:
+        self._log.append(Change(self.tick, call, tuple(map(copy.deepcopy, arguments))))
+
+    def _extend(self, last: int) -> None:
+        """Plan for a longer time: edges of sources are known up to ``run.until``."""
+        network = self._engine.network
+        until = max(last, 2 * network.ticks) * network.dt
+        self._move_to(self._graph.set("run.until", until))
+
+    def _move_to(self, graph: ChangeableGraph) -> None:
+        """Go on in an engine for a changed graph; nothing changes if it cannot start."""
+        engine, before = self._prepared(graph), self._engine
+        adopt_changed(engine, before, carried(before))
+        self._graph = graph
+        self._begin(engine)
+
+    # Copies
+
+    def snapshot(self) -> SessionSnapshot:
+        """The present state, recordings included."""
+        if self._failed is not None:
+            raise self._failed
+        return SessionSnapshot(
+            self.t, self._graph, self._engine, carried(self._engine), tuple(self._log)
+        )
+
+    def restore(self, saved: SessionSnapshot) -> None:
+        """Go back, or forth, to a snapshot of this session or of one that it was branched from."""
+        same = saved.engine is getattr(self, "_engine", None)
+        engine = saved.engine if same else self._prepared(saved.graph)
+        adopt(engine, saved.carried)
+        self._graph, self._log = saved.graph, list(saved.log)
+        self._begin(engine)
+
+    def branch(self) -> Session:
+        """Another session that goes on from here, independent of this one."""
+        other = Session.__new__(Session)
+        other.first, other.keep, other._began = self.first, self.keep, self._began
+        other.restore(self.snapshot())
+        return other
+
+    # Results
+
+    def result(self) -> Result:
+        """What was recorded up to now, with metrics and plots; the session can go on."""
+        prepared = self._graph.prepared(growing=True)
+        return result_of(prepared, self._engine, self._engine.finish(), self._began)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the session into a folder that must not exist yet; returns the folder.
+
+            a/session.json     version, ticks, and each change with its tick
+            a/graph.yaml       the graph before the first change, with the files that it names
+            a/run/             the result, as a run folder
+
+        ``runtime replay a`` computes it again.
+
+        Raises
+        ------
+        UsageError : the folder exists, or cannot be written.
+        """
+        place = Path(folder)
+        changes = [
+            {"tick": each.tick, "call": each.call, "arguments": list(each.arguments)}
+            for each in self._log
+        ]
+        content = {"session": VERSION, "ticks": self.tick, "keep": self.keep, "changes": changes}
+        result = self.result()
+        if place.exists():
+            raise UsageError(f"'{place}' exists already; choose another folder")
+        plain, files = portable(self.first.to_dict(modules=True), self.first.texts)
+        with system_errors(f"write '{place}'"):
+            own_folder(place)
+            for name, data in contents(files, self.first.texts).items():
+                write_whole(own_file(place / name), data)
+            write_whole(own_file(place / GRAPH), dump_yaml(plain))
+            result.save(place / RUN)
+            # Last: without it, the folder is no session.
+            write_whole(own_file(place / SESSION), json_text(content))
+        return place
+
+    def __repr__(self) -> str:
+        return (
+            f"<Session '{self._engine.network.title}' at t = {self.t:g}: {len(self._log)} changes>"
+        )
+
+    def _prepared(self, graph: ChangeableGraph) -> Engine:
+        prepared = graph.prepared(growing=True)
+        network, program = prepared.network, prepared.program
+        keep = None if self.keep is None else max(1, round(self.keep / network.dt))
+        engine = Engine(program, network.seed, chosen_runner(network), keep=keep)
+        engine.prepare()
+        return engine
+
+    def _begin(self, engine: Engine) -> None:
+        self._engine, self._reader = engine, Reader(engine)
+        self._failed = None

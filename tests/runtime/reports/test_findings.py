@@ -1,0 +1,89 @@
+"""The sentence that a report begins with says what its numbers say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import runtime
+from runtime.reports import pieces
+from runtime.reports.findings import of_ablation, of_run, of_sweep, of_tuning
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        *((0.005885, "m", "5.885 mm"), (12.97, "s", "12.97 s"), (0.254, "m", "0.254 m")),
+        *((-2.5e-6, "A", "−2.5 µA"), (0.0, "m", "0 m"), (0.002, "rad", "0.002 rad")),
+        *((12_500.0, "Hz", "12.5 kHz"), (3.0, "", "3"), (0.01, "m/s", "0.01 m/s")),
+        (float("inf"), "s", "inf s"),
+    ],
+)
+def test_a_quantity_has_a_prefix_where_that_is_shorter(value: float, unit: str, text: str) -> None:
+    assert pieces.quantity(value, unit) == text
+
+
+def test_a_run_says_its_metrics_and_what_failed() -> None:
+    graph = runtime.load("gallery/step_feedback")
+    assert of_run(graph.run(until=0.1)) == ""
+    graph = graph.metric("last", "final", of="plant.out")
+    result = graph.run()
+    assert of_run(result) == f"Last {pieces.quantity(result.metrics['last'] or 0.0, '')}."
+    strict = graph.set("metrics.last.below", 0.1)
+    assert of_run(strict.run()).startswith("1 expectation failed: ")
+
+
+def line(variant: str, n: int, mean: float | None, **difference: Any) -> dict[str, Any]:
+    """A line of an ablation's table with 10 seeds."""
+    whole = {"p_adjusted": 0.2, "p_presence": None, "distinguishable": False, **difference}
+    is_own = variant == "baseline"
+    facts = {"variant": variant, "metric": "settled_at", "runs": 10, "n": n, "mean": mean}
+    return {**facts, "difference": None if is_own else whole}
+
+
+def told(*lines: dict[str, Any]) -> str:
+    facts = {"table": lines, "units": {"settled_at": "s"}}
+    return of_ablation({**facts, "never": {"settled_at": "never settled"}})
+
+
+def test_an_ablation_says_what_differs_significantly() -> None:
+    own = line("baseline", 10, 12.0)
+    without = line("without net", 0, None, distinguishable=True, p_presence=0.002)
+    text = "The baseline settled in 10 of 10 runs, without net in none (p = 0.002)."
+    assert told(own, without) == text
+    slower = line("bypass limit", 10, 0.024, verdict="yes", p_adjusted=3e-6)
+    text = "Bypass limit: settled at 24 ms instead of 12 s, over 10 seeds (p < 0.0001)."
+    assert told(own, slower) == text
+    assert told(own, line("same", 10, 12.1)) == (
+        "No variant differs significantly from the baseline in any metric."
+    )
+    # A verdict in words is later than a truth value, and decides.
+    assert "No variant" in told(own, line("x", 10, 1.0, verdict="negligible", distinguishable=True))
+    assert told(own) == ""
+    many = [line(f"v{i}", 10, 1.0, distinguishable=True) for i in range(5)]
+    assert told(own, *many).endswith(
+        "5 variants differ significantly from the baseline in at least one metric."
+    )
+
+
+def test_a_sweep_and_a_tuning_say_their_best() -> None:
+    text = "Smallest mean error, 3 mm, at pid.kp = 2, x = [1, 2]."
+    assert of_sweep(["pid.kp", "x"], ["2", "[1, 2]"], "mean_error", "minimize", 0.003, "m") == text
+    stored = {
+        "front": [7],
+        "minimize": ["error"],
+        "units": {"error": "m"},
+        "table": [
+            {"configuration": 0, "metric": "error", "held_out": {"n": 5, "mean": 0.4}},
+            {
+                **{"configuration": 7, "metric": "error"},
+                "held_out": {"n": 5, "mean": 0.2, "difference": {"p_adjusted": 0.2}},
+            },
+        ],
+    }
+    assert of_tuning(stored) == (
+        "Error on the held-out runs is 0.2 m with configuration 7, and 0.4 m with the graph's own "
+        "values (not significant, p = 0.2)."
+    )
+    assert of_tuning({**stored, "front": []}) == ""

@@ -1,0 +1,271 @@
+"""Sessions: bits of an uninterrupted run, whatever is done in between, and logs that replay."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import runtime
+from runtime.graph import open_session
+from runtime.sessions import Session
+from tests.conftest import Run
+from tests.examples import examples
+
+FOLDER = Path(runtime.__file__).parents[1] / "graphs"
+PATHS = sorted([*FOLDER.glob("*.yaml"), *(FOLDER / "gallery").rglob("*.yaml")])
+NAMES = [str(p.relative_to(FOLDER).with_suffix("")) for p in PATHS]
+QUICK = ["line_actuator_failure", "gallery/adaptive_arm", "gallery/noise_filter"]
+QUICK += [f"gallery/{name}" for name in ("night_setback", "van_der_pol", "zero_order_hold")]
+ENGINES = ("python", "compiled")
+TICKS = 60
+
+SERVO: dict[str, Any] = {
+    "graph": "servo",
+    "run": {"dt": 0.001, "until": 0.1, "seed": 4},
+    "inputs": {"push": {"type": "Scalar", "default": 0.5, "min": -2, "max": 2}},
+    "blocks": {
+        "noise": {"type": "WhiteNoise", "density": 0.01},
+        "gain": {"type": "Gain", "gain": 2.0},
+        "sum": {"type": "Sum"},
+        "x": {"type": "Integrator", "initial": 1.0},
+        "held": {"type": "UnitDelay"},
+        "snn": {"type": "Ensemble", "neurons": 20},
+        "out": {"type": "Decoder"},
+    },
+    "wires": {
+        "gain": {"input": "held.out"},
+        "sum": {"terms": ["noise.out", "gain.out", "inputs.push"]},
+        "x": {"input": "sum.out"},
+        "held": {"input": "x.out"},
+        "snn": {"input": ["x.out"]},
+        "out": {"spikes": "snn.spikes"},
+    },
+    "probes": {
+        "x": "x.out",
+        "sum": "sum.out",
+        "out": {"of": "out.value", "synapse": 0.05, "every": 3},
+        "spikes": "snn.spikes",
+        "push": "inputs.push",
+    },
+}
+
+
+def same(one: Any, other: Any) -> list[str]:
+    """The probes that differ."""
+    return [
+        name
+        for name in one.probes
+        if not np.array_equal(one[name], other[name], equal_nan=True)
+        or not np.array_equal(one.time(name), other.time(name))
+    ]
+
+
+def servo(engine: str = "python", **changes: Any) -> Session:
+    return runtime.load({**SERVO, **changes}).session(engine=engine)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+)
+def test_a_branch_half_way_has_the_bits_of_a_run(name: str, engine: str) -> None:
+    """In a fresh engine, after half of the ticks."""
+    graph = runtime.load(FOLDER / f"{name}.yaml")
+    graph = graph.set("run.until", TICKS * graph.network.dt)
+    try:
+        whole = graph.run(engine=engine)
+    except runtime.MissingExtraError as error:
+        pytest.skip(str(error))
+    session = graph.session(engine=engine).step(TICKS // 2)
+    other = session.branch()
+    other.step(TICKS - TICKS // 2)
+    assert same(whole, other.result()) == []
+    session.step(7).step().step(TICKS - TICKS // 2 - 8)
+    assert same(whole, session.result()) == []
+    assert whole.metrics == session.result().metrics
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_signal_is_what_the_next_tick_records(engine: str) -> None:
+    session = servo(engine)
+    read = []
+    for _ in range(12):
+        read.append([session.read(name) for name in ("x.out", "sum.out", "inputs.push")])
+        session.step()
+    result = session.result()
+    rows = np.column_stack([result["x"], result["sum"], result["push"]])
+    assert np.array_equal(np.array(read), rows)
+    assert session.read("snn.spikes").shape == (20,)
+    assert session.read("x.integral") == session.read("x.out")
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_is_written_acts_from_the_next_tick_on(engine: str) -> None:
+    session = servo(engine).step(10)
+    session.write("push", -1.5)
+    session.step(10)
+    expected = [0.5] * 10 + [-1.5] * 10
+    assert session.result()["push"].tolist() == expected
+    with pytest.raises(runtime.UsageError, match="'push': expected at most 2, got 3"):
+        session.write("push", 3.0)
+    with pytest.raises(runtime.UsageError, match="did you mean 'push'"):
+        session.write("psh", 1.0)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_blocks_keep_what_the_run_has_moved(engine: str) -> None:
+    session = servo(engine).step(40)
+    x, voltage, spikes = (session.read(n) for n in ("x.out", "snn.voltage", "snn.spikes"))
+    session.set("x.initial", 7.0)
+    session.set("gain.gain", -3.0)
+    assert session.read("x.out") == x
+    assert np.array_equal(session.read("snn.voltage"), voltage)
+    assert np.array_equal(session.read("snn.spikes"), spikes)
+    session.set("snn.max_rates", "uniform(50, 60)")
+    # What start computes and the run has not touched follows the parameter.
+    gain = servo(engine, blocks={**SERVO["blocks"], "snn": session_block(session)}).read("snn.gain")
+    assert np.array_equal(session.read("snn.gain"), gain)
+    assert np.array_equal(session.read("snn.voltage"), voltage)
+    session.set("snn.neurons", 30)
+    assert session.read("snn.voltage").shape == (30,)
+    session.step(5)
+    result = session.result()
+    assert result["x"].shape == (45,) and result["spikes"].shape == (5, 30)
+    assert result.time("spikes")[0] == pytest.approx(0.04)
+
+
+def session_block(session: Session) -> Any:
+    return session.graph.to_dict()["blocks"]["snn"]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_change_that_is_wrong_changes_nothing(engine: str) -> None:
+    session, other = servo(engine).step(20), servo(engine).step(20)
+    for wrong in (
+        lambda: session.set("gain.gian", 1.0),
+        lambda: session.without("nose"),
+        lambda: session.wire("x.input", "snn.spikes"),
+        lambda: session.wire("held.input", "held"),
+        lambda: session.set("run.dt", 0.002),
+        lambda: session.replace("gain", "Integratr"),
+    ):
+        with pytest.raises(runtime.SpikeblocksError):
+            wrong()
+    assert session.log == () and session.tick == 20
+    assert same(session.step(20).result(), other.step(20).result()) == []
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_goes_on_beyond_its_end(engine: str) -> None:
+    whole = runtime.load(SERVO).run(until=0.3, engine=engine)
+    assert same(whole, servo(engine).run(0.09).run(0.21).result()) == []
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_is_kept_is_the_last_part(engine: str) -> None:
+    whole = runtime.load(SERVO).run(until=4.0, engine=engine)
+    session = runtime.load(SERVO).session(engine=engine, keep=0.2)
+    for _ in range(40):
+        session.run(0.1)
+    result = session.result()
+    for name in ("x", "spikes", "out"):
+        rows = len(result[name])
+        assert rows == (67 if name == "out" else 200)
+        assert np.array_equal(result[name], whole[name][-rows:])
+        assert np.array_equal(result.time(name), whole.time(name)[-rows:])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_failure_is_reported_again_until_the_session_goes_back(engine: str) -> None:
+    session = servo(engine).step(10)
+    before = session.snapshot()
+    session.set("gain.gain", 1e200)
+    with pytest.raises(runtime.SimulationError) as caught:
+        session.step(100)
+    assert len(caught.value.result["x"]) == session.tick < 110
+    with pytest.raises(runtime.SimulationError):
+        session.step()
+    session.restore(before)
+    assert session.log == ()
+    assert same(session.step(10).result(), servo(engine).step(20).result()) == []
+
+
+CALLS = {
+    "step": st.tuples(st.integers(1, 30)),
+    "write": st.tuples(st.just("push"), st.floats(-2.0, 2.0)),
+    "set": st.sampled_from(
+        [
+            ("gain.gain", -1.0),
+            ("gain.gain", 0.25),
+            ("noise.density", 0.5),
+            ("snn.radius", 2.0),
+            ("snn.neurons", 25),
+            ("x.initial", 3.0),
+        ]
+    ),
+    "wire": st.sampled_from([("gain.input", "x.out"), ("gain.input", "held.out")]),
+    "without": st.sampled_from([("noise",), ("gain",)]),
+    "replace": st.sampled_from([("gain", "Abs")]),
+    "snapshot": st.tuples(),
+    "restore": st.tuples(),
+    "branch": st.tuples(),
+}
+
+
+@given(
+    calls=st.lists(
+        st.sampled_from(sorted(CALLS)).flatmap(
+            lambda name: CALLS[name].map(lambda arguments: (name, arguments))
+        ),
+        min_size=1,
+        max_size=14,
+    ),
+    engine=st.sampled_from(ENGINES),
+)
+@examples(30)
+def test_any_session_replays_from_its_log(
+    tmp_path_factory: pytest.TempPathFactory, calls: list[Any], engine: str
+) -> None:
+    session = servo(engine)
+    saved = session.snapshot()
+    for name, arguments in calls:
+        if name == "snapshot":
+            saved = session.snapshot()
+        elif name == "restore":
+            session.restore(saved)
+        elif name == "branch":
+            session = session.branch()
+        else:
+            with contextlib.suppress(runtime.GraphError):  # such as of a block that was removed
+                getattr(session, name)(*arguments)
+    folder = session.save(tmp_path_factory.mktemp("session") / "a")
+    again = open_session(folder)
+    assert (again.tick, again.log) == (session.tick, session.log)
+    assert same(session.result(), again.result()) == []
+    assert same(runtime.open(folder / "run"), again.result()) == []
+
+
+def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Path) -> None:
+    session = servo().step(20)
+    session.write("push", 1.0)
+    session.step(20)
+    session.save(tmp_path / "a")
+    done = cli("replay", "a")
+    assert done.returncode == 0, done.stderr
+    assert (
+        done.stdout == "servo: 40 ticks, 1 changes\nall recordings have the bits that were saved\n"
+    )
+    log = tmp_path / "a" / "session.json"
+    log.write_text(log.read_text().replace("1.0", "1.5"))
+    done = cli("replay", "a", "--json")
+    assert done.returncode == 1 and '"push"' in done.stdout
+    log.write_text(log.read_text().replace('"write"', '"rite"'))
+    done = cli("replay", "a")
+    assert done.returncode == 2 and "a session has no method 'rite'" in done.stderr
+    assert cli("replay", "b").returncode == 2
