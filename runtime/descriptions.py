@@ -100,6 +100,21 @@ def forms(setting: type[Setting]) -> list[TableRow]:
     return rows
 
 
+def matches(setting: type[Setting], word: str) -> list[tuple[str, str]]:
+    """The forms of a setting, with a line about each, that have a word in them or their choices."""
+    members = setting.members if issubclass(setting, Variant) else {}
+    declared = [member.declared.values() for member in members.values()]
+    choices = [
+        " ".join(c for each in params for c in (*each.choices, each.doc)) for params in declared
+    ]
+    choices += [""] * len(setting.forms())
+    return [
+        (form, doc)
+        for (form, given, _, doc), more in zip(forms(setting), choices, strict=False)
+        if word in f"{form} {given} {doc} {more}".lower()
+    ]
+
+
 def variants(known: Mapping[str, type[Block]]) -> dict[str, type[Variant]]:
     """The classes that settings of these blocks are chosen from, as ``LIF``, by name."""
     families = [each for each in settings(known) if issubclass(each, Variant)]

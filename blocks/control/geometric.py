@@ -126,8 +126,9 @@ class GeometricControl(Block):
         now = rotation_matrix(attitude)
         thrust = wanted[0] * now[0, 2] + wanted[1] * now[1, 2] + wanted[2] * now[2, 2]
         for i in range(3):
-            # What the acceleration with this thrust differs by from the path's.
-            excess = (thrust * now[i, 2] + force[i]) / self.mass - target_acceleration[i]
+            # What the acceleration with this thrust differs by from the path's; rotors do not pull,
+            # and a body that is upside down would be told to stay so.
+            excess = (max(thrust, 0.0) * now[i, 2] + force[i]) / self.mass - target_acceleration[i]
             excess -= self.gravity if i == 2 else 0.0
             slope[i] = -self.kx * miss[i] - self.kv * excess + self.mass * target_jerk[i]
         frames = wanted_frames(wanted, slope, yaw)

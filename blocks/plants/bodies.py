@@ -191,9 +191,9 @@ class RotorMixer(_Rotors):
 
     rotors = G^-1 (f, M_x, M_y, M_z), where that is within [0, largest]; G is that of a Quadrotor
     with the same ``arm``, ``ratio`` and ``layout`` (Lee, Leok and McClamroch, 2010, equation 1).
-    Otherwise the torque about z gives way first, of which rotors have least, then those about x
-    and y, both by one factor, and the thrust is limited by itself (after Faessler, Falanga and
-    Scaramuzza, Thrust mixing, saturation, and body-rate control, 2017).
+    Otherwise the torque about z gives way first, of which rotors have least, then the thrust, and
+    those about x and y last, both by one factor: the attitude decides where the thrust points
+    (after Faessler, Falanga and Scaramuzza, Thrust mixing, saturation and body-rate control, 2017).
     """
 
     wrench = Input(Vector(4), doc="thrust f along the body's z (N), torques about its axes (N m)")
@@ -203,15 +203,14 @@ class RotorMixer(_Rotors):
         state.inverse = solve(allocation(self.arm, self.ratio, self.layout), np.eye(4))
 
     def output(self, state: BlockState, t: float, wrench: FloatArray) -> FloatArray:
-        most, base = self.largest, state.inverse[0, 0] * wrench[0]
-        base = min(max(base, 0.0), most)
-        tilt, turn, share = np.empty(4), np.empty(4), 1.0
+        most, low, high = self.largest, 0.0, 0.0
+        tilt, turn = np.empty(4), np.empty(4)
         for i in range(4):
             tilt[i] = state.inverse[i, 1] * wrench[1] + state.inverse[i, 2] * wrench[2]
             turn[i] = state.inverse[i, 3] * wrench[3]
-            room = most - base if tilt[i] > 0.0 else base
-            if abs(tilt[i]) > room:
-                share = min(share, room / abs(tilt[i]))
+            low, high = min(low, tilt[i]), max(high, tilt[i])
+        share = most / (high - low) if high - low > most else 1.0
+        base = min(max(state.inverse[0, 0] * wrench[0], -share * low), most - share * high)
         left = 1.0
         for i in range(4):
             tilt[i] = base + share * tilt[i]
@@ -220,7 +219,7 @@ class RotorMixer(_Rotors):
                 left = min(left, room / abs(turn[i]))
         out = np.empty(4)
         for i in range(4):
-            out[i] = tilt[i] + left * turn[i]
+            out[i] = min(max(tilt[i] + left * turn[i], 0.0), most)
         return out
 
 

@@ -352,6 +352,8 @@ class _Inference:
         if target.form == "scalar" and coming.form == "record":
             fitting = ", ".join(f"{wire.source_text}.{c}" for c in coming.components)
             message += f"; one of its components fits: {fitting}"
+        elif coming.form == "scalar" and target.name == "Vector" and len(target.shape) == 1:
+            message += "; a Broadcast makes a vector of the number, as long as is expected"
         else:
             # The wire to a part ends at the part, which is no block.
             entries = map(self.network.entries.get, (wire.source.block, wire.block))

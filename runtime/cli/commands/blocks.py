@@ -97,7 +97,7 @@ def _list(known: dict[str, type[Block]], word: str | None) -> None:
 
     With a word, also what parameters choose from: neuron models, solvers, distributions.
     """
-    from runtime.descriptions import families, forms, settings, summary
+    from runtime.descriptions import families, matches, settings, summary
 
     word = "" if word is None else word.lower()
     chosen = {name: cls for name, cls in known.items() if word in f"{name} {cls.__doc__}".lower()}
@@ -106,9 +106,7 @@ def _list(known: dict[str, type[Block]], word: str | None) -> None:
         for family, names in families(chosen).items()
     }
     for setting, users in settings(known).items() if word else ():
-        rows = [
-            (form, doc) for form, _, _, doc in forms(setting) if word in f"{form} {doc}".lower()
-        ]
+        rows = matches(setting, word)
         if rows:
             lists[f"for {', '.join(users)}"] = rows
     if not lists:

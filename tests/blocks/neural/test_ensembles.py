@@ -265,3 +265,12 @@ def test_a_synapse_behind_a_decoder_is_the_decoders(synapse: Any) -> None:
         assert found.manifest["engine_notes"] == []
         assert found["out.value"].any()
         np.testing.assert_allclose(found["behind.out"], found["out.value"], rtol=0.0, atol=1e-12)
+
+
+def test_a_number_into_all_neurons_is_a_broadcast() -> None:
+    made = graph(0.05).add("x", Wave()).add("off", blocks.Constant(value=-20.0))
+    made = made.add("snn", blocks.Ensemble(neurons=30)).connect("x.out", "snn.input")
+    with pytest.raises(runtime.GraphError, match="a Broadcast makes a vector of the number"):
+        made.connect("off.value", "snn.current").check()
+    made = made.add("all", blocks.Broadcast()).connect("off.value", "all.input")
+    assert not made.connect("all.out", "snn.current").probe("snn.fired").run()["snn.fired"].any()

@@ -22,6 +22,14 @@ def test_every_setting_is_found_by_its_name(cli: Run, word: str) -> None:
     assert "for " in done.stdout
 
 
+def test_a_setting_is_found_by_its_parameters(cli: Run) -> None:
+    """Poisson spikes are a choice of the rate models, and found there."""
+    found = cli("blocks", "--search", "poisson").stdout
+    assert "LIFRate" in found
+    assert "Izhikevich" not in found
+    assert "AdaptiveLIF " in cli("blocks", "--search", "inc_n").stdout
+
+
 def test_a_block_shows_what_its_parameters_choose_from(cli: Run) -> None:
     shown = cli("blocks", "Ensemble").stdout
     for name in ("Izhikevich", "tau_ref: 0.002", "uniform(low, high)", "voja", "alpha(tau)"):
