@@ -60,7 +60,25 @@ def of_pole(options: str) -> Picture:
     return Picture("pole.png", (f"{POLE} {options} -o pole.png",))
 
 
+def of_study(name: str, figure: str, shows: str) -> Picture:
+    """A figure of a shipped study."""
+    return Picture(
+        f"sweeps/{name}/plots/{figure}.png", (f"runtime sweep experiments/{name}",), shows
+    )
+
+
 PICTURES = {
+    "paper_quadrotor_tracking.png": of_study(
+        "quadrotor",
+        "quadrotor_tracking",
+        "tracking error over the mean wind: flat with the neurons, rising without them",
+    ),
+    "paper_quadrotor_estimator.png": of_study(
+        "quadrotor",
+        "quadrotor_estimator",
+        "error of the estimator over time: small with each fix used once, large and periodic with "
+        "held fixes taken for new",
+    ),
     "linear_step.png": of_pole("--inputs wanted.out --outputs cart.position,cart.angle"),
     "linear_margins.png": of_pole("--open lqr.command --margins"),
     "linear_nyquist.png": of_pole("--open lqr.command --nyquist"),

@@ -173,7 +173,8 @@ class Distribution(Setting):
 
     @classmethod
     def read(cls, written: Any) -> Self:
-        if isinstance(written, str) and written.partition("(")[0].strip() in {*ARRAYS, *CREATION}:
+        first = written.partition("(")[0].strip() if isinstance(written, str) else ""
+        if first in {*ARRAYS, *CREATION} or first.startswith("["):
             try:
                 written = array_of(written)
             except (ExpressionError, ArithmeticError) as error:

@@ -35,7 +35,9 @@ from blocks.sources.time_tables import Table
 
 MOST_TRIALS = 100_000
 MOST_TRIES = 1000
-FIXED = ("item", "trial", "phase")
+# The components of out that are there with any phases, and their units.
+FIXED = {"item": "", "trial": "", "phase": "", "elapsed": "s"}
+ELAPSED = list(FIXED).index("elapsed")
 
 
 @final
@@ -44,9 +46,10 @@ class Trials(Table):
 
         [ Trials ] ─▶ out
 
-    out has the components ``item``, ``trial`` and ``phase``, each counted from 0, and one by the
-    name of each phase, which is 1 during it and 0 otherwise: ``trials.out.train`` is wired to an
-    input ``learn``. By item, each goes through all phases before the next one does:
+    out has the components ``item``, ``trial`` and ``phase``, each counted from 0, ``elapsed``, the
+    time since the phase began, and one by the name of each phase, which is 1 during it and 0
+    otherwise: ``trials.out.train`` is wired to an input ``learn``. By item, each goes through all
+    phases before the next one does:
 
         show 0, wait 0, recall 0, show 1, wait 1, recall 1, ...
 
@@ -131,7 +134,7 @@ class Trials(Table):
             orders = [rng.permutation(self.number) for _ in orders]
         for row, (r, place, trial, phase) in zip(values, self._shown, strict=False):
             row[:3] = -1.0 if r < 0 else orders[r][place], trial, phase
-            row[3 + phase] = 1.0
+            row[len(FIXED) + phase] = 1.0
         return values
 
     @property
@@ -140,14 +143,19 @@ class Trials(Table):
 
     @property
     def stated(self) -> SignalType:
-        names = (*FIXED, *self.phases)
-        return replace(Vector(len(names)), rows=tuple((name, "") for name in names))
+        names = FIXED | dict.fromkeys(self.phases, "")
+        return replace(Vector(len(names)), rows=tuple(names.items()))
+
+    @property
+    def stepwise(self) -> bool:
+        return False  # the time that has elapsed moves between two ticks
 
     def start(self, state: BlockState) -> None:
         super().start(state)
         if self.order == "shuffled":
             values = self._values(state.rng)
             state.table[:, 0], state.last[:] = values[:-1], values[-1]
+        state.table[:, 1, ELAPSED] = 1.0
 
 
 @final

@@ -16,6 +16,7 @@ from runtime.arguments import chosen
 from runtime.diagrams.paint import draw
 from runtime.diagrams.picture import picture_of
 from runtime.diagrams.shapes import Drawing
+from runtime.errors import UsageError
 from runtime.network import Network
 
 
@@ -28,33 +29,35 @@ class DiagramFormat:
     doc : what it is, in a few words.
     write : from a checked network to text or bytes; the same network gives the same bytes.
     suffixes : of files in this format, beside its name.
+    render : of a format that is drawn here, from the shapes; only such a one fits on paper.
     """
 
     doc: str
     write: Callable[[Network], str | bytes]
     suffixes: tuple[str, ...] = ()
+    render: Callable[[Drawing], str | bytes] | None = None
 
 
-def _drawing(network: Network) -> Drawing:
-    return draw(picture_of(network))
-
-
-def _svg(network: Network) -> str:
+def _svg(drawing: Drawing) -> str:
     from runtime.diagrams.svg import to_svg
 
-    return to_svg(_drawing(network))
+    return to_svg(drawing)
 
 
-def _png(network: Network) -> bytes:
+def _png(drawing: Drawing) -> bytes:
     from runtime.diagrams.png import to_png
 
-    return to_png(_drawing(network))
+    return to_png(drawing)
 
 
-def _pdf(network: Network) -> bytes:
+def _pdf(drawing: Drawing) -> bytes:
     from runtime.diagrams.png import to_pdf
 
-    return to_pdf(_drawing(network))
+    return to_pdf(drawing)
+
+
+def _drawn(doc: str, render: Callable[[Drawing], str | bytes]) -> DiagramFormat:
+    return DiagramFormat(doc, lambda network: render(draw(picture_of(network))), render=render)
 
 
 def _dot(network: Network) -> str:
@@ -74,9 +77,9 @@ FORMATS: Registry[DiagramFormat] = Registry(
     DiagramFormat,
     "a DiagramFormat",
     own={
-        "svg": DiagramFormat("a picture with hovering texts", _svg),
-        "png": DiagramFormat("a picture of pixels", _png),
-        "pdf": DiagramFormat("a picture on a page", _pdf),
+        "svg": _drawn("a picture with hovering texts", _svg),
+        "png": _drawn("a picture of pixels", _png),
+        "pdf": _drawn("a picture on a page", _pdf),
         "dot": DiagramFormat("text that Graphviz lays out", _dot, ("gv",)),
         "mermaid": DiagramFormat("text that Mermaid lays out", _mermaid, ("mmd", "md")),
     },
@@ -88,7 +91,7 @@ def format_of(suffix: str) -> str:
     return next((name for name, kind in FORMATS.items() if suffix in kind.suffixes), suffix)
 
 
-def diagram(network: Network, format: str) -> str | bytes:
+def diagram(network: Network, format: str, paper: float | None = None) -> str | bytes:
     """Draw the block diagram of a network.
 
     Parameters
@@ -96,6 +99,7 @@ def diagram(network: Network, format: str) -> str | bytes:
     network : a checked network; removed blocks are drawn in grey.
     format : "svg", "png" or "pdf" for a picture that is laid out here, "dot" or "mermaid" for a
         text that Graphviz or Mermaid lays out, or a format of an installed package.
+    paper : the width of a column of paper (points, 1/72 inch), for a picture in rows.
 
     Returns
     -------
@@ -103,6 +107,12 @@ def diagram(network: Network, format: str) -> str | bytes:
 
     Raises
     ------
-    UsageError : there is no such format.
+    UsageError : there is no such format, or it is not for paper.
     """
-    return chosen(FORMATS, format, "diagram format").write(network)
+    kind = chosen(FORMATS, format, "diagram format")
+    if paper is None:
+        return kind.write(network)
+    if kind.render is None:
+        names = ", ".join(name for name, each in FORMATS.items() if each.render is not None)
+        raise UsageError(f"a diagram of a given width is drawn as {names}, not as {format}")
+    return kind.render(draw(picture_of(network), paper))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from itertools import cycle
 
 from runtime.diagrams.layout import Point
@@ -39,7 +40,8 @@ from runtime.diagrams.sheet import (
     lay_out,
 )
 
-PAGE_MARGIN = 16.0
+PAGE_MARGIN, PAPER_MARGIN = 16.0, 2.0
+LEAST_TYPE = 7.0  # points on paper
 LEGEND_HEIGHT = 40.0
 TITLE_HEIGHT, TITLE_SIZE = 26.0, 14.0
 INK, SOFT, GHOST, PORT_INK = "#1f2937", "#4b5563", "#a7adb8", "#374151"
@@ -68,21 +70,45 @@ TINTS = (
 )
 
 
-def draw(picture: Picture) -> Drawing:
-    """Lay out a picture and turn it into shapes."""
-    sheet = lay_out(picture)
+def draw(picture: Picture, paper: float | None = None) -> Drawing:
+    """Lay out a picture and turn it into shapes.
+
+    Parameters
+    ----------
+    picture : what is shown.
+    paper : the width of a page or column (points), for a drawing in rows with type of 7 points at
+        least, whose title is left to the caption; type is smaller only where a part is too wide.
+    """
+    if paper is not None:
+        return _on_paper(picture, paper)
+    return _drawing(picture, None)
+
+
+def _on_paper(picture: Picture, width: float) -> Drawing:
+    """A drawing that is as wide as the paper, or narrower where it does not need all of it."""
+    largest = LABEL_SIZE / LEAST_TYPE
+    # The colours of wires say their types; words between columns would halve what fits into a row.
+    drawing = _drawing(replace(picture, has_types=False), largest * width - 2 * PAPER_MARGIN)
+    return replace(drawing.scaled(min(1.0, width / drawing.width)), unit="pt")
+
+
+def _drawing(picture: Picture, row: float | None) -> Drawing:
+    """The drawing; in rows of a width, if given, with a small margin and without its title."""
+    sheet = lay_out(picture, row)
     painter = _Painter(sheet)
-    groups = [*painter.frames(), *painter.nets(), *painter.boxes(), painter.title()]
+    titles = [painter.title()] if row is None else []
+    groups = [*painter.frames(), *painter.nets(), *painter.boxes(), *titles]
     legend = painter.legend()
-    height = sheet.height + 2 * PAGE_MARGIN + TITLE_HEIGHT
-    width = max(sheet.width, text_width(picture.title, TITLE_SIZE, bold=True))
+    margin, top = (PAGE_MARGIN, TITLE_HEIGHT) if row is None else (PAPER_MARGIN, 0.0)
+    height = sheet.height + 2 * margin + top
+    width = max(sheet.width, text_width(picture.title, TITLE_SIZE, bold=True) if titles else 0.0)
     if legend is not None:
         ends = [s.x + text_width(s.text, s.size) for s in legend.shapes if isinstance(s, TextShape)]
         width = max(width, *ends)
         height += LEGEND_HEIGHT
         groups.append(legend)
-    wide = width + 2 * PAGE_MARGIN
-    return Drawing(picture.title, wide, height, PAGE_MARGIN, groups, TITLE_HEIGHT)
+    wide = width + 2 * margin
+    return Drawing(picture.title, wide, height, margin, groups, top)
 
 
 class _Painter:

@@ -77,12 +77,13 @@ class Part:
 
 @dataclass
 class Picture:
-    """All that a diagram shows."""
+    """All that a diagram shows; without ``has_types``, wires are not labelled."""
 
     title: str
     boxes: dict[str, Box]
     parts: dict[str, Part]
     nets: list[Net]
+    has_types: bool = True
 
     @cached_property
     def drivers(self) -> dict[tuple[str, str], list[Net]]:
@@ -95,6 +96,8 @@ class Picture:
 
     def label(self, net: Net) -> str:
         """The type of a net, where it is not that of a wire into the same block."""
+        if not self.has_types:
+            return ""
         name = net.source[0]
         before = {
             each.type for (block, _), nets in self.drivers.items() if block == name for each in nets

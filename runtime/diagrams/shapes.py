@@ -7,8 +7,9 @@ In: corners of wires. Out: shapes in points (1/72 inch), y downwards. The corner
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 from runtime.diagrams.layout import Point
 
@@ -82,7 +83,10 @@ class Group:
 
 @dataclass
 class Drawing:
-    """Shapes in a page with a margin; they begin ``top`` below it, under the title."""
+    """Shapes in a page with a margin; they begin ``top`` below it, under the title.
+
+    ``unit`` is that of the numbers for an SVG: "pt" for paper, else the browser's pixels.
+    """
 
     title: str
     width: float
@@ -90,6 +94,33 @@ class Drawing:
     margin: float
     groups: list[Group]
     top: float = 0.0
+    unit: str = ""
+
+    def scaled(self, factor: float) -> Drawing:
+        """The same drawing, larger or smaller."""
+        groups = [
+            replace(group, shapes=[_scaled(shape, factor) for shape in group.shapes])
+            for group in self.groups
+        ]
+        sizes = {
+            name: factor * getattr(self, name) for name in ("width", "height", "margin", "top")
+        }
+        return replace(self, groups=groups, **sizes)
+
+
+_LENGTHS = ("x", "y", "width", "height", "radius", "size", "stroke_width")
+
+
+def _scaled(shape: Shape, factor: float) -> Shape:
+    sizes: dict[str, Any] = {
+        name: factor * getattr(shape, name) for name in _LENGTHS if hasattr(shape, name)
+    }
+    if isinstance(shape, CurveShape):
+        sizes["commands"] = tuple(
+            (letter, tuple((factor * x, factor * y) for x, y in points))
+            for letter, points in shape.commands
+        )
+    return replace(shape, **sizes)
 
 
 # Estimated from classes of letters: a font's real widths need the font, which the viewer of an SVG

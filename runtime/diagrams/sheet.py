@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from runtime.diagrams.layout import Cell, DiagramLayout, Link, Pin, Point, arrange, simplify
+from runtime.diagrams.layout import Cell, DiagramLayout, Link, Pin, Point, arrange, fold, simplify
 from runtime.diagrams.picture import Box, Net, Picture
 from runtime.diagrams.shapes import text_width
 
@@ -75,8 +75,8 @@ class _Level:
         return [(self.x + x, self.y + y) for x, y in points]
 
 
-def lay_out(picture: Picture) -> Sheet:
-    """Lay out all boxes, frames and wires of a picture."""
+def lay_out(picture: Picture, width: float | None = None) -> Sheet:
+    """Lay out all boxes, frames and wires of a picture; in rows of a width (points), if given."""
     cells = {name: _box_cell(box) for name, box in picture.boxes.items()}
     levels: dict[str, _Level] = {}
     # The deepest parts first: the size of a part's cell is that of its finished layout.
@@ -84,6 +84,8 @@ def lay_out(picture: Picture) -> Sheet:
         levels[part] = _level(picture, part, cells)
         cells[part] = _frame_cell(picture, levels[part])
     levels[""] = _level(picture, "", cells)
+    if width is not None:
+        levels[""].layout = fold(levels[""].layout, levels[""].cells, width)
     boxes: dict[str, BoxPlacement] = {}
     frames: dict[str, BoxPlacement] = {}
     # From outside inwards: a frame has to be placed before what is in it.

@@ -28,8 +28,9 @@ def to_svg(drawing: Drawing) -> SvgText:
     """The drawing as SVG."""
     width, height = _number(drawing.width), _number(drawing.height)
     margin, top = _number(drawing.margin), _number(drawing.margin + drawing.top)
+    unit = drawing.unit
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}{unit}" height="{height}{unit}" '
         f'viewBox="0 0 {width} {height}" font-family="{FONTS}" role="img">',
         f"<title>{_escape(drawing.title)}</title>",
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',

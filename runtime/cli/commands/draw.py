@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 
 from runtime.cli.commands.changes import add_graph, changed_graph
@@ -12,7 +13,7 @@ from runtime.terminal import show
 HELP = "draw the block diagram: svg, png, pdf, dot, mermaid"
 EXAMPLES = """
 runtime draw my.yaml
-runtime draw my.yaml --without adaptive -o figure.pdf
+runtime draw my.yaml --without adaptive --width 89mm -o figure.pdf
 """
 
 
@@ -25,6 +26,27 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--format", metavar="F", help="svg, png, pdf, dot or mermaid (by the file's suffix)"
     )
+    parser.add_argument(
+        "--width",
+        type=_points,
+        metavar="LENGTH",
+        help="fit it on paper, in rows with type of 7 points: 89mm, 3.5in, 252pt; svg, png, pdf",
+    )
+
+
+POINTS = {"mm": 72.0 / 25.4, "cm": 720.0 / 25.4, "in": 72.0, "pt": 1.0}
+
+
+def _points(text: str) -> float:
+    """A length in points."""
+    found = re.fullmatch(r"([\d.]+) ?(mm|cm|in|pt)", text)
+    try:
+        length = float(found[1]) * POINTS[found[2]] if found else 0.0
+    except ValueError:
+        length = 0.0
+    if not 72.0 <= length <= 7200.0:
+        raise ArgumentTypeError(f"expected a length from 1in to 100in, as 89mm, got '{text}'")
+    return length
 
 
 def run(options: Namespace) -> int:
@@ -37,7 +59,7 @@ def run(options: Namespace) -> int:
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
     suffix = "svg" if written == "-" else Path(written).suffix.lstrip(".")
     kind = options.format or format_of(suffix)
-    drawn = diagram(network, kind)
+    drawn = diagram(network, kind, options.width)
     content = drawn.encode() if isinstance(drawn, str) else drawn
     if written == "-":
         sys.stdout.buffer.write(content)

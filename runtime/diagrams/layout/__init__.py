@@ -8,10 +8,22 @@ structures", one module each::
     order   4 order each column, so that few wires cross
     layers  5 assign heights, so that most wires are straight
     wires, tracks  6 route the wires at right angles between the columns
+    folding 7 for the width of a page, break the layout into rows
 """
 
+from runtime.diagrams.layout.folding import fold
 from runtime.diagrams.layout.grid import Cell, Link, Pin, find_feedback
 from runtime.diagrams.layout.layers import DiagramLayout, arrange
 from runtime.diagrams.layout.wires import Point, simplify
 
-__all__ = ["Cell", "DiagramLayout", "Link", "Pin", "Point", "arrange", "find_feedback", "simplify"]
+__all__ = [
+    "Cell",
+    "DiagramLayout",
+    "Link",
+    "Pin",
+    "Point",
+    "arrange",
+    "find_feedback",
+    "fold",
+    "simplify",
+]

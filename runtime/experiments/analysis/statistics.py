@@ -161,7 +161,7 @@ def difference(
     apart = _apart(first, second)
     scale = _scale(first, second, apart, test, is_skewed)
     if scale == "log ranks":
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # inf / inf, which is equal
             apart = np.where(apart == 0.0, 0.0, np.log(np.where(apart == 0.0, 1.0, first / second)))
         margin = math.log1p(margin / float(np.median(second[np.isfinite(second)])))
     finite = apart[np.isfinite(apart)]

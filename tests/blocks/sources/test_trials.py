@@ -23,10 +23,11 @@ def schedule(until: float = 1.0, engine: str = "python", **params: Any) -> np.nd
 @pytest.mark.parametrize("engine", ["python", "compiled"])
 def test_by_item_each_goes_through_all_phases(engine: str) -> None:
     rows = schedule(1.4, engine, phases={"show": 0.2, "wait": 0.1}, items=2, rounds=2)
-    item, trial, phase, show, wait = rows.T
+    item, trial, phase, elapsed, show, wait = rows.T
     assert item.tolist() == [0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1, -1, -1]
     assert trial.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4]
     assert phase.tolist() == [0, 0, 1] * 4 + [-1, -1]
+    np.testing.assert_allclose(elapsed, [*[0.0, 0.1, 0.0] * 4, 0.0, 0.0], atol=1e-12)
     assert np.array_equal(show, phase == 0)
     assert np.array_equal(wait, phase == 1)
 

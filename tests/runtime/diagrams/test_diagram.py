@@ -29,14 +29,16 @@ from runtime.diagrams.paint import (
     CONTINUOUS_TINT,
     FRAME_FILLS,
     INK,
+    LEAST_TYPE,
     PORT_INK,
     SOFT,
     TINTS,
     TITLE_HEIGHT,
+    draw,
     tint_of,
 )
 from runtime.diagrams.picture import picture_of
-from runtime.diagrams.sheet import BoxPlacement, Sheet, lay_out
+from runtime.diagrams.sheet import LABEL_SIZE, BoxPlacement, Sheet, lay_out
 from runtime.document import rate_text
 from runtime.errors import UsageError
 from runtime.network.network import Network
@@ -737,3 +739,66 @@ def test_graphviz_reads_the_dot(case: str) -> None:
     assert done.stderr == ""
     nodes = [line for line in done.stdout.splitlines() if line.startswith("node ")]
     assert len(nodes) == len(net.entries) + len(net.removed_entries)
+
+
+def long_chain(n: int) -> Network:
+    graph = runtime.Graph(dt=0.01, until=1.0).add("b0", blocks.Constant(value=1.0))
+    for i in range(1, n):
+        graph = graph.add(f"b{i}", blocks.Gain(gain=2.0))
+        source = "value" if i == 1 else "out"
+        graph = graph.connect(f"b{i - 1}.{source}", f"b{i}.input")
+    return graph.network
+
+
+@pytest.mark.parametrize("paper", [252.0, 516.0])
+@pytest.mark.parametrize("case", ["chain", "full", "nested"])
+def test_on_paper_a_diagram_is_in_rows_whose_wires_stay_apart(case: str, paper: float) -> None:
+    net = long_chain(30) if case == "chain" else network(case)
+    drawing = draw(picture_of(net), paper)
+    assert drawing.width <= paper * (1.0 + 1e-9)
+    sheet = lay_out(picture_of(net), paper * LABEL_SIZE / LEAST_TYPE)
+    flat = lay_out(picture_of(net))
+    is_wide = flat.width > paper * LABEL_SIZE / LEAST_TYPE
+    assert is_wide == (sheet.height > flat.height) == (sheet.width < flat.width)
+    boxes = list(sheet.boxes.values())
+    for one, other in combinations(boxes, 2):
+        apart_x = one.x + one.width <= other.x or other.x + other.width <= one.x
+        apart_y = one.y + one.height <= other.y or other.y + other.height <= one.y
+        assert apart_x or apart_y
+    for (i, (name, port)), line in sheet.lines.items():
+        source, out = sheet.picture.nets[i].source
+        box = sheet.boxes[source]
+        assert line[0] == pytest.approx((box.x + box.width, box.outputs[out]))
+        assert line[-1] == pytest.approx((sheet.boxes[name].x, sheet.boxes[name].inputs[port]))
+        for (x, y), (to, below) in pairwise(line):
+            assert x == pytest.approx(to) or y == pytest.approx(below)
+            assert min(x, to) >= -1e-9 and max(x, to) <= sheet.width + 1e-9
+            for each in boxes:
+                inside_x = each.x + 0.1 < max(x, to) and min(x, to) < each.x + each.width - 0.1
+                inside_y = each.y + 0.1 < max(y, below)
+                inside_y = inside_y and min(y, below) < each.y + each.height - 0.1
+                assert not (inside_x and inside_y), (case, name)
+    no_overlap(sheet)
+
+
+def no_overlap(sheet: Sheet) -> None:
+    """Wires of different outputs share no stretch of a line."""
+    runs: dict[tuple[bool, float], list[tuple[float, float, int]]] = {}
+    for (i, _), line in sheet.lines.items():
+        for (x, y), (to, below) in pairwise(line):
+            flat = abs(y - below) < 1e-9
+            ends = sorted((x, to) if flat else (y, below))
+            runs.setdefault((flat, round(y if flat else x, 3)), []).append((*ends, i))  # type: ignore[arg-type]
+    for place, found in runs.items():
+        for one, other in combinations(found, 2):
+            if one[2] != other[2]:
+                assert min(one[1], other[1]) - max(one[0], other[0]) < 0.1, (place, one, other)
+
+
+def test_a_drawing_on_paper_has_its_size_and_its_type() -> None:
+    svg = ET.fromstring(str(diagram(long_chain(12), "svg", 252.0)))
+    assert str(svg.get("width")).endswith("pt") and float(str(svg.get("width"))[:-2]) <= 252.0
+    sizes = [float(str(text.get("font-size"))) for text in svg.iter(f"{SVG}text")]
+    assert min(sizes) >= 6.99
+    with pytest.raises(UsageError, match="drawn as svg, png, pdf, not as dot"):
+        diagram(long_chain(2), "dot", 252.0)
