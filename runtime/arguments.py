@@ -69,6 +69,19 @@ def at_least(low: float, *, above: bool = False) -> Callable[[str], float]:
     return read
 
 
+def seconds(text: str) -> float:
+    """The type of an option that is a time of the clock: ``60s``, ``5min``, ``0.5h`` or ``90``."""
+    factors = {"ms": 1e-3, "min": 60.0, "s": 1.0, "h": 3600.0, "": 1.0}
+    unit = next(unit for unit in factors if text.endswith(unit))
+    try:
+        value = float(text.removesuffix(unit)) * factors[unit]
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise ArgumentTypeError(f"expected a time above 0, such as 60s or 5min, got '{text}'")
+    return value
+
+
 def integer(low: int, high: int, *, even: bool = False) -> Callable[[str], int]:
     """The type of an option that is an integer between two bounds."""
 

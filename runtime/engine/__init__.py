@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried
+    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried, same_value
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import Interrupts
     from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
     from runtime.engine.reading import Reader
-    from runtime.engine.recorder import recording_file
+    from runtime.engine.recorder import Saved, recording_file
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
 else:
@@ -35,6 +35,7 @@ __all__ = [
     "Profile",
     "Program",
     "Reader",
+    "Saved",
     "Watched",
     "adopt",
     "adopt_changed",
@@ -43,6 +44,7 @@ __all__ = [
     "profile_text",
     "python_seconds",
     "recording_file",
+    "same_value",
     "silent",
     "take_compiled",
 ]

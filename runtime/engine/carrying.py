@@ -40,6 +40,7 @@ class Carried:
     generators : states of bit generators, by ``block.attribute``.
     own : what own blocks keep undeclared, by block and attribute.
     recording : the rows so far. log : the located events so far.
+    python_from : the tick from which a compiled run is under the Python engine; ``notes`` say why.
     """
 
     tick: int
@@ -49,6 +50,8 @@ class Carried:
     own: Mapping[str, Mapping[str, Any]]
     recording: Saved
     log: FloatArray | None
+    python_from: int | None = None
+    notes: tuple[str, ...] = ()
 
 
 def carried(engine: Engine) -> Carried:
@@ -67,6 +70,8 @@ def carried(engine: Engine) -> Carried:
         {name: state.own_copies(name) for name in state.own},
         engine.recorder.saved(state.tick),
         None if engine.log is None else engine.log.copy(),
+        None if engine.exact is None else engine.exact.python_from,
+        () if engine.exact is None else tuple(engine.exact.notes),
     )
 
 
@@ -82,6 +87,8 @@ def adopt(engine: Engine, given: Carried) -> None:
     _go_on(engine, given)
     engine.recorder.restore(given.recording)
     engine.is_checked = given.tick > 0
+    if engine.exact is not None and given.python_from is not None:
+        engine.exact.leave(given.python_from, given.notes)
 
 
 def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
@@ -102,7 +109,9 @@ def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
             _take(state.arrays[f"{name}.{key}"], f"{name}.{key}", given, before.begun)
         _take_generators(state, name, given)
         first = before.begun.own.get(name, {})
-        moved = {k: v for k, v in given.own.get(name, {}).items() if not _same(v, first.get(k))}
+        moved = {
+            k: v for k, v in given.own.get(name, {}).items() if not same_value(v, first.get(k))
+        }
         _take_own(state, name, moved)
         engine.starting.guard(name, partial(entry.block.resume, state.blocks[name]))
     _take_run(engine, before, given)
@@ -157,6 +166,8 @@ def _go_on(engine: Engine, given: Carried) -> None:
     held = []
     for signal in engine.plan.held:
         value = given.held.get(signal.key)
+        if isinstance(value, np.ndarray) and value.shape == signal.kind.shape:
+            value = signal.kind.pack(value)
         fits = value is not None and signal.kind.holds(value, exact=False)
         held.append(value if fits else signal.kind.zero())
     state.held = engine.runner.adopt(tuple(held))
@@ -212,7 +223,7 @@ def _meaning(probe: Probe) -> Any:
     return signals, probe.every, str(probe.synapse), probe.shape
 
 
-def _same(one: Any, other: Any) -> bool:
+def same_value(one: Any, other: Any) -> bool:
     """Whether two values are equal; of values that cannot be compared, whether they are one."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return type(one) is type(other) and one.tobytes() == other.tobytes()

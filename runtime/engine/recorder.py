@@ -274,11 +274,12 @@ class Recorder:
     def saved(self, tick: int) -> Saved:
         """The rows so far, and what the filters remember."""
         self.flush(tick, all=True)
-        return {
-            name: (sink.parts, sink.rows, sink.left, self._filter(name))
-            for name, sink in self.sinks.items()
-            if isinstance(sink, Rows)
-        }
+        found: Saved = {}
+        for name, sink in self.sinks.items():
+            # Rows in a file stay there.
+            parts, left = (sink.parts, sink.left) if isinstance(sink, Rows) else ((), 0)
+            found[name] = parts, sink.rows, left, self._filter(name)
+        return found
 
     def _filter(self, name: str) -> FloatArray | None:
         return self.filters[name].saved() if name in self.filters else None
@@ -289,6 +290,9 @@ class Recorder:
             sink = self.sinks[name]
             if isinstance(sink, Rows):
                 sink.parts, sink.rows, sink.left = parts, rows, left
+            elif not sink.rows:
+                for part in parts:
+                    self._append(sink, part)
             if memory is not None:
                 self.filters[name].restore(memory)
 

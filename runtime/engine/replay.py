@@ -13,7 +13,7 @@ Some ticks of blocks that are not built in are compared with their Python form, 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -89,6 +89,11 @@ class ExactRunner:
             held = self._ticks(first, end, held, compare=due == first)
             first = end
         return held
+
+    def leave(self, tick: int, notes: Sequence[str]) -> None:
+        """Go on under the Python engine, as a run does that left compiled code at a tick."""
+        self.python_from, self.notes = tick, list(notes)
+        self._python = self._python or self.python()
 
     def _ticks(self, first: int, last: int, held: Held, compare: bool) -> Held:
         """Run ticks, of which the first is compared with own blocks' Python form."""

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from runtime.graph.content import Content, Examination, examine, examine_edit
     from runtime.graph.graph import Graph
     from runtime.graph.loading import load
-    from runtime.graph.replaying import is_session, open_session
+    from runtime.graph.replaying import is_session, open_session, resumable
 else:
     __getattr__ = door(__name__)
 
@@ -23,4 +23,5 @@ __all__ = [
     "is_session",
     "load",
     "open_session",
+    "resumable",
 ]

@@ -1,17 +1,33 @@
-"""Saved sessions, computed again: the same changes at the same ticks, and so the same bits.
+"""Runs that go on, and sessions that are computed again, from what was saved of them.
 
-In: the folder of a session. Out: a session that has come to the tick at which it was saved.
+In: the folder of a run with a checkpoint. Out: its graph, and the checkpoint with its rows. In: the
+folder of a session. Out: a session that has come to the tick at which it was saved.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-from blocks.core import show
+from blocks.core import FloatArray, show
 from runtime.errors import UsageError
 from runtime.files import check_form, read_text
+from runtime.graph.graph import Graph
 from runtime.graph.loading import load
+from runtime.runs import (
+    BEFORE,
+    CHECKPOINT,
+    MANIFEST,
+    RESOLVED,
+    leftovers,
+    read_run,
+    recover,
+    remove,
+    restored,
+    run_folder,
+)
 from runtime.sessions import CALLS, GRAPH, SESSION, VERSION, Session
 
 _CHANGE = {"tick": int, "call": str, "arguments": list}
@@ -49,3 +65,65 @@ def open_session(folder: str | Path) -> Session:
         session.step(each["tick"] - session.tick)
         getattr(session, each["call"])(*each["arguments"])
     return session.step(stored["ticks"] - session.tick)
+
+
+@dataclass(frozen=True)
+class Resumable:
+    """A run that can go on: its folder, its graph, a checkpoint, and the rows before it."""
+
+    folder: Path
+    graph: Graph
+    source: tuple[Path, Mapping[str, FloatArray]]
+
+
+def resumable(path: str | Path, until: float | None = None) -> Resumable:
+    """A run that can go on from its last checkpoint that can be read.
+
+    Parameters
+    ----------
+    path : of a run folder, or of the folder of a graph's runs: the newest one there, one that was
+        killed included.
+    until : a longer end of the run, in its unit of time.
+
+    Raises
+    ------
+    UsageError : there is no run, no checkpoint that can be used, or nothing is left to run.
+    """
+    folder = _newest(Path(path))
+    run = read_run(folder)
+    graph = load(folder / RESOLVED)
+    if until is not None:
+        graph = graph.set("run.until", until)
+    found = [folder / name for name in (CHECKPOINT, BEFORE) if (folder / name).is_file()]
+    if not found:
+        raise UsageError(
+            f"'{folder}' has no checkpoint; a run with --checkpoint 60s writes one a minute. "
+            "'--from' begins a new run with the states that one ended with"
+        )
+    if run.status == "stopped":
+        raise UsageError(f"run.stop ended '{folder}' at t = {run.manifest['stopped_at']:g}")
+    if run.status == "complete" and run.ticks >= graph.network.ticks:
+        end, unit = graph.network.until, graph.network.time_unit
+        raise UsageError(f"'{folder}' is complete up to {end:g} {unit}; --until is how it goes on")
+    rows = {name: recording.values for name, recording in run.probes.items()}
+    for checkpoint in found[:-1]:
+        try:
+            restored(checkpoint, rows)
+        except UsageError:
+            found.remove(checkpoint)
+    return Resumable(folder, graph, (found[0], rows))
+
+
+def _newest(path: Path) -> Path:
+    """The folder of a run; that of a killed run is recovered first."""
+    if path.is_dir() and not (path / MANIFEST).is_file():
+        killed = [each for each in leftovers(path) if each.has_recording]
+        runs = [each.parent.name for each in path.glob(f"*/{MANIFEST}")]
+        last = max(killed, key=lambda each: each.name, default=None)
+        if last is not None and last.name > max(runs, default=""):
+            folder = recover(last)
+            remove(last)
+            return folder
+        if runs:
+            return path / max(runs)
+    return run_folder(path)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.runs.checkpoint import BEFORE, Checkpoints, restored
     from runtime.runs.commit import git_commit
     from runtime.runs.draft import (
         Draft,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     )
     from runtime.runs.equilibrium import Trim, trim
     from runtime.runs.folder import (
+        CHECKPOINT,
         DIAGRAM,
         MANIFEST,
         METRICS,
@@ -59,12 +61,15 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = [
+    "BEFORE",
+    "CHECKPOINT",
     "DIAGRAM",
     "MANIFEST",
     "METRICS",
     "PROBES",
     "RESOLVED",
     "WRITTEN",
+    "Checkpoints",
     "Draft",
     "Figures",
     "Linearization",
@@ -88,6 +93,7 @@ __all__ = [
     "read_run",
     "recover",
     "remove",
+    "restored",
     "result_of",
     "run_folder",
     "save",

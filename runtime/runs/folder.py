@@ -50,8 +50,9 @@ TIME = "time"
 MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
 WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
 DIAGRAM = "diagram.json"
+CHECKPOINT = "checkpoint.npz"
 # Names of a run folder that a file which a block names must not take.
-WRITES = (MANIFEST, METRICS, PROBES, STATES, WRITTEN, RESOLVED, DIAGRAM, "plots")
+WRITES = (MANIFEST, METRICS, PROBES, STATES, WRITTEN, RESOLVED, DIAGRAM, CHECKPOINT, "plots")
 # What everything that reads a manifest relies on.
 _NUMBERS = dict.fromkeys(("seed", "dt", "until", "ticks", "wall_s"), NUMBER)
 _FACTS = {
@@ -232,7 +233,7 @@ def read_run(path: str | Path) -> RunData:
         raise _damage_error(folder / METRICS, "expected a number or null for each metric")
     if not all(name.isprintable() for name in metrics):
         raise _damage_error(folder / METRICS, "expected printable names")
-    return run_from_manifest(folder, manifest, _arrays(folder / PROBES), metrics)
+    return run_from_manifest(folder, manifest, read_arrays(folder / PROBES), metrics)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -312,7 +313,7 @@ def run_from_manifest(
     return RunData(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
         *(lambda: (texts, {}), notes, failures, world, units),
-        _arrays(folder / STATES) if (folder / STATES).is_file() else {},
+        read_arrays(folder / STATES) if (folder / STATES).is_file() else {},
         never,
     )
 
@@ -385,7 +386,7 @@ def _mapping(path: Path) -> dict[str, Any]:
     return data
 
 
-def _arrays(path: Path) -> dict[str, FloatArray]:
+def read_arrays(path: Path) -> dict[str, FloatArray]:
     try:
         with warnings.catch_warnings():
             # NumPy only warns about some headers that it cannot be sure of.

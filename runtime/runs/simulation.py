@@ -29,6 +29,7 @@ from runtime.errors import raised_at
 from runtime.network import Network
 from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
+from runtime.runs.checkpoint import Checkpoints
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -72,24 +73,31 @@ def simulate(
     note: Callable[[str], None] = silent,
     profile: Profile | None = None,
     folder: Path | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
     ``note`` is called with messages for the user, such as what is compiled. ``profile`` collects
     the time per block under the Python engine. ``folder`` holds recordings that are larger than
-    the graph's ``run.memory``; a temporary folder by default.
+    the graph's ``run.memory``, and those of a run with ``checkpoints``; a temporary folder by
+    default.
     """
     network, program = graph.network, graph.program
     began = datetime.now().astimezone()
     runner = chosen_runner(network, note) if profile is None else None
     engine = Engine(program, network.seed, runner, note, profile, folder)
     if program.gathered:
-        note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
+        if not program.growing:
+            note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
         if folder is not None:
             # Only a recording on disk survives a killed process; what is in memory is lost with it.
             _begin_recording(graph, engine, began, folder)
+    if checkpoints is not None:
+        progress = checkpoints.begin(engine, progress)
     outcome = engine.run(progress)
     result = result_of(graph, engine, outcome, began)
+    if checkpoints is not None:
+        checkpoints.end(outcome, result)
     if outcome.error is not None:
         # A failed run is still a result: what was recorded up to the failure is kept, and the error
         # carries it to whoever saves it.
@@ -118,6 +126,11 @@ def result_of(graph: PreparedRun, engine: Engine, outcome: Outcome, began: datet
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
     notes += _unlocated(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
+    if network.initial:
+        notes.append(
+            f"the states of {', '.join(sorted(network.initial))} are those of an earlier run; time "
+            "and noise begin again, as 'runtime resume' does not"
+        )
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
     result.states = engine.final_states() if outcome.ticks else {}

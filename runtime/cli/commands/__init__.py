@@ -33,20 +33,9 @@ class Verb(Protocol):
 
 
 _HERE = (
-    *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "check", "graphs"),
-    *(
-        "ablate",
-        "sweep",
-        "tune",
-        "contest",
-        "fit",
-        "compare",
-        "report",
-        "export",
-        "clean",
-        "plugins",
-    ),
-    *("plugins", "completion", "schema", "help"),
+    *("new", "run", "resume", "replay", "validate", "draw", "explain", "linearize"),
+    *("blocks", "check", "graphs", "ablate", "sweep", "tune", "contest", "fit"),
+    *("compare", "report", "export", "clean", "plugins", "completion", "schema", "help"),
 )
 _VERB: Any = Verb
 VERBS: Registry[Verb] = Registry(

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.arguments import Once, add_output, show_folder
+from runtime.arguments import Once, add_output, seconds, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
 from runtime.cli.commands.simulating import saved, simulated
@@ -17,6 +17,7 @@ from runtime.terminal import number, show, show_json, table, tell
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from blocks.core import FloatArray
     from runtime.cli.commands.watching import Done
     from runtime.engine import Interrupts, Profile
     from runtime.graph import Graph
@@ -58,6 +59,14 @@ def add(parser: ArgumentParser) -> None:
         action="store_true",
         help="run again whenever the graph is saved, with the last run in the same pictures",
     )
+    parser.add_argument(
+        "--checkpoint",
+        action=Once,
+        type=seconds,
+        metavar="TIME",
+        help="write the state of the run that often, as 60s or 5min of the clock: "
+        "'runtime resume' goes on after whatever ended it",
+    )
     parser.add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
 
@@ -65,21 +74,32 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Simulate, write the run folder and its pictures, print the metrics."""
     if not options.watch:
-        return _once(options, None).code
+        graph = changed_graph(options.graph, options).check()
+        return finished(options, graph, None).code
     if options.json:
         raise UsageError("--watch prints one result after the other; --json prints one object")
     from runtime.cli.commands.watching import watch
 
-    return watch(options.graph, lambda before: _once(options, before))
+    def once(before: Result | None) -> Done:
+        return finished(options, changed_graph(options.graph, options).check(), before)
+
+    return watch(options.graph, once)
 
 
-def _once(options: Namespace, before: Result | None) -> Done:
-    """One run; ``before`` is one from before the graph was edited, which its figures show too."""
+def finished(
+    options: Namespace,
+    graph: Graph,
+    before: Result | None,
+    source: tuple[Path, Mapping[str, FloatArray]] | None = None,
+) -> Done:
+    """One run; ``before`` is one from before the graph was edited, which its figures show too.
+
+    ``source`` is a checkpoint to go on from.
+    """
     from runtime.cli.commands.watching import Done
     from runtime.engine import Interrupts, Profile
     from runtime.runs import Draft, link_latest, new_folder
 
-    graph = changed_graph(options.graph, options).check()
     compared = rivals(graph, options.vs)
     _check_options(graph, options)
     profile = Profile() if options.profile else None
@@ -88,7 +108,8 @@ def _once(options: Namespace, before: Result | None) -> Done:
     if not quiet:
         _report_leftovers(draft.folder.parent)
     with Interrupts() as interrupts:
-        result, failure = simulated(graph, quiet, profile, draft)
+        every = options.checkpoint or 0.0
+        result, failure = simulated(graph, quiet, profile, draft, every, source)
         folder = saved(result, draft)
     if folder == draft.folder:
         link_latest(folder)
@@ -102,23 +123,39 @@ def _once(options: Namespace, before: Result | None) -> Done:
     if not options.json:
         # Before anything is drawn, which takes longer than many a run.
         _print_result(result, options, others, before)
-    earlier = len(result.notes)
-    pictures: list[Path] = []
-    try:
-        if draws:
-            pictures = _pictures(result, folder, options, others, before)
-            pictures += [_diagram(graph, folder)] if options.watch else []
-    except KeyboardInterrupt:
+    if not _shown(options, graph, result, folder, others, before, draws):
         code = code or 130
     rows = _profiled(profile, result.manifest) if profile else []
     if options.json:
         show_json(_summary(result, folder, options, others, rows))
     else:
-        _tell_notes(result.notes[earlier:], options)
-        show_folder("run", folder, pictures)
         _show_profile(rows)
     _report_failures(result, failure, folder, compared)
     return Done(code, result, [Path(name) for name in graph.texts])
+
+
+def _shown(
+    options: Namespace,
+    graph: Graph,
+    result: Result,
+    folder: Path,
+    others: Mapping[str, Result],
+    before: Result | None,
+    draws: bool,
+) -> bool:
+    """Draw what is wanted and print where it is; False if that was interrupted."""
+    earlier, pictures = len(result.notes), []
+    done = True
+    try:
+        if draws:
+            pictures = _pictures(result, folder, options, others, before)
+            pictures += [_diagram(graph, folder)] if options.watch else []
+    except KeyboardInterrupt:
+        done = False
+    if not options.json:
+        _tell_notes(result.notes[earlier:], options)
+        show_folder("run", folder, pictures)
+    return done
 
 
 def _diagram(graph: Graph, folder: Path) -> Path:

@@ -9,25 +9,38 @@ from runtime.errors import SimulationError, UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from blocks.core import FloatArray
     from runtime.engine import Profile
     from runtime.graph import Graph
     from runtime.runs import Draft, Result
 
 
 def simulated(
-    graph: Graph, quiet: bool, profile: Profile | None, draft: Draft
+    graph: Graph,
+    quiet: bool,
+    profile: Profile | None,
+    draft: Draft,
+    every: float = 0.0,
+    source: tuple[Path, Mapping[str, FloatArray]] | None = None,
 ) -> tuple[Result, SimulationError | None]:
-    """The result, and the error that ended the run early, if any."""
+    """The result, and the error that ended the run early, if any.
+
+    ``every`` is the time between two checkpoints (s), ``source`` one to go on from.
+    """
     from runtime.engine import silent
-    from runtime.runs import Result, simulate
+    from runtime.runs import Checkpoints, Result, simulate
     from runtime.terminal import Progress
 
     progress = Progress(graph.title, wanted=not quiet)
     note = silent if quiet else tell
     try:
         folder = draft.recordings
-        prepared = graph.prepared(profiled=profile is not None)
-        return simulate(prepared, progress, note, profile, folder), None
+        growing = every > 0.0 or source is not None
+        prepared = graph.prepared(profiled=profile is not None, growing=growing)
+        checkpoints = Checkpoints(folder, every, source) if growing else None
+        return simulate(prepared, progress, note, profile, folder, checkpoints), None
     except SimulationError as error:
         if not isinstance(error.result, Result):
             draft.close()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import runtime
 from runtime.graph import open_session
 from runtime.sessions import Session
+from tests.conftest import Run
 from tests.examples import examples
 
 FOLDER = Path(runtime.__file__).parents[1] / "graphs"
@@ -248,3 +249,23 @@ def test_any_session_replays_from_its_log(
     assert (again.tick, again.log) == (session.tick, session.log)
     assert same(session.result(), again.result()) == []
     assert same(runtime.open(folder / "run"), again.result()) == []
+
+
+def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Path) -> None:
+    session = servo().step(20)
+    session.write("push", 1.0)
+    session.step(20)
+    session.save(tmp_path / "a")
+    done = cli("replay", "a")
+    assert done.returncode == 0, done.stderr
+    assert (
+        done.stdout == "servo: 40 ticks, 1 changes\nall recordings have the bits that were saved\n"
+    )
+    log = tmp_path / "a" / "session.json"
+    log.write_text(log.read_text().replace("1.0", "1.5"))
+    done = cli("replay", "a", "--json")
+    assert done.returncode == 1 and '"push"' in done.stdout
+    log.write_text(log.read_text().replace('"write"', '"rite"'))
+    done = cli("replay", "a")
+    assert done.returncode == 2 and "a session has no method 'rite'" in done.stderr
+    assert cli("replay", "b").returncode == 2

@@ -1,0 +1,48 @@
+"""``runtime resume``: go on with a run that was killed or interrupted, or for longer."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+
+from runtime.arguments import Once, add_output, seconds
+from runtime.cli.commands.run import finished
+from runtime.terminal import tell
+
+EVERY = 60.0  # s between two checkpoints
+HELP = "go on with a run from its last checkpoint"
+ABOUT = """
+The run must have been started with --checkpoint. What comes out is a new run folder, with the same
+bits as that of a run that was never interrupted.
+"""
+EXAMPLES = """
+runtime resume runs/line_actuator_failure
+runtime resume runs/line_actuator_failure/latest --until 120
+"""
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("run", help="a run folder, or the folder of a graph's runs for its newest")
+    parser.add_argument("--until", type=float, metavar="TIME", help="a longer end of the run")
+    parser.add_argument(
+        "--checkpoint",
+        action=Once,
+        type=seconds,
+        metavar="TIME",
+        help="the time between two further checkpoints (60s)",
+    )
+    add_output(parser, "runs", "run folders")
+    parser.set_defaults(
+        vs=None, labels="", figures="png", style="screen", animate=False, profile=False, watch=False
+    )
+
+
+def run(options: Namespace) -> int:
+    """Go on, and write the run folder as ``runtime run`` does."""
+    from runtime.graph import resumable
+
+    options.checkpoint = options.checkpoint or EVERY
+    found = resumable(options.run, options.until)
+    if not (options.quiet or options.json):
+        tell(f"going on with {found.folder}")
+    return finished(options, found.graph.check(), None, found.source).code

@@ -1,0 +1,180 @@
+"""Checkpoints: a run that was killed, wherever, goes on to the bits of one that was not."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import blocks
+import runtime
+from runtime.engine import Engine, adopt
+from runtime.graph import resumable
+from runtime.runs import chosen_runner
+from runtime.runs.checkpoint import content, restored
+from tests.conftest import Run
+from tests.examples import examples
+from tests.runtime.sessions.test_session import ENGINES, FOLDER, NAMES, QUICK, SERVO
+
+TICKS = 50
+
+
+def begun(graph: runtime.Graph, ticks: int) -> Engine:
+    engine = Engine(graph.program(growing=True), graph.network.seed, chosen_runner(graph.network))
+    engine.prepare()
+    engine.advance(ticks)
+    return engine
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+)
+def test_a_fresh_engine_goes_on_from_the_file(name: str, engine: str, tmp_path: Path) -> None:
+    graph = runtime.load(FOLDER / f"{name}.yaml").set("run.engine", engine)
+    graph = graph.set("run.until", TICKS * graph.network.dt)
+    try:
+        whole = begun(graph, TICKS).finish()
+    except runtime.MissingExtraError as error:
+        pytest.skip(str(error))
+    half = begun(graph, TICKS // 2)
+    (tmp_path / "c.npz").write_bytes(content(half))
+    given, _ = restored(tmp_path / "c.npz", half.finish().arrays)
+    other = begun(graph, 0)
+    adopt(other, given)
+    other.advance(TICKS)
+    found = other.finish()
+    assert found.ticks == whole.ticks
+    for probe, rows in whole.arrays.items():
+        np.testing.assert_array_equal(found.arrays[probe], rows, probe)
+
+
+def killed(script: Path, folder: Path, engine: str, moment: float) -> bool:
+    """Run the servo with checkpoints and kill it; returns whether it was still running."""
+    command = [script, "run", "servo.yaml", "-q", "--no-plots", "--checkpoint", "2ms"]
+    process = subprocess.Popen([*command, "--engine", engine], cwd=folder)
+    try:
+        hidden = folder / "runs" / "servo"
+        while process.poll() is None and not list(hidden.glob(".*/recording/checkpoint.npz")):
+            time.sleep(0.002)  # not for a moment that matters: the kill may come at any
+        process.wait(timeout=moment)
+        return False
+    except subprocess.TimeoutExpired:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        return True
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kills", [1, pytest.param(25, marks=pytest.mark.slow)])
+def test_a_killed_run_goes_on(
+    engine: str, kills: int, script: Path, cli: Run, tmp_path: Path
+) -> None:
+    until = 4.0 if engine == "python" else 60.0
+    document = {**SERVO, "run": {"dt": 0.001, "until": until, "seed": 4}}
+    (tmp_path / "servo.yaml").write_text(runtime.load(document).to_yaml())
+    whole = runtime.load(tmp_path / "servo.yaml").run(engine=engine)
+    moments, count = random.Random(kills), 0
+    for _ in range(kills):
+        count += killed(script, tmp_path, engine, moments.uniform(0.0, 0.3))
+        done = cli("resume", "runs/servo", "--no-plots", "-q")
+        if done.returncode == 2:  # it was complete before it could be killed
+            assert "is complete up to" in done.stderr
+            continue
+        assert done.returncode == 0, done.stderr
+        run = runtime.open(tmp_path / "runs" / "servo" / "latest")
+        for name in whole.probes:
+            np.testing.assert_array_equal(run[name], whole[name], name)
+        assert run.metrics == whole.metrics
+    assert count
+
+
+def test_a_complete_run_goes_on_for_longer(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "servo.yaml").write_text(runtime.load(SERVO).to_yaml())
+    assert cli("run", "servo.yaml", "--checkpoint", "1h", "--no-plots", "-q").returncode == 0
+    done = cli("resume", "runs/servo/latest", "--no-plots")
+    assert done.returncode == 2 and "is complete up to 0.1 s; --until is how" in done.stderr
+    assert cli("resume", "runs/servo", "--until", "0.25", "--no-plots", "-q").returncode == 0
+    run = runtime.open(tmp_path / "runs" / "servo" / "latest")
+    whole = runtime.load(SERVO).run(until=0.25)
+    for name in whole.probes:
+        np.testing.assert_array_equal(run[name], whole[name], name)
+
+
+def test_a_run_without_a_checkpoint_says_what_to_do(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "servo.yaml").write_text(runtime.load(SERVO).to_yaml())
+    assert cli("run", "servo.yaml", "--no-plots", "-q").returncode == 0
+    done = cli("resume", "runs/servo", "--until", "1")
+    assert done.returncode == 2 and "has no checkpoint; a run with --checkpoint 60s" in done.stderr
+
+
+@cache
+def servo_checkpoint() -> tuple[bytes, dict[str, Any]]:
+    engine = begun(runtime.load(SERVO), 20)
+    return content(engine), engine.finish().arrays
+
+
+@given(share=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(0, 255))
+@examples(40)
+def test_a_damaged_checkpoint_is_refused(
+    tmp_path_factory: pytest.TempPathFactory, share: float, flip: int
+) -> None:
+    """Cut off, or with any byte changed, it is refused; nothing but our error comes out of it."""
+    whole, rows = servo_checkpoint()
+    at = int(share * len(whole))
+    rest = bytes([whole[at] ^ flip]) + whole[at + 1 :] if flip else b""
+    path = tmp_path_factory.mktemp("damaged") / "checkpoint.npz"
+    path.write_bytes(whole[:at] + rest)
+    try:
+        given, _ = restored(path, rows)
+    except runtime.UsageError:
+        return
+    # A byte of the archive that says nothing about the numbers, such as a date.
+    path.write_bytes(whole)
+    same, _ = restored(path, rows)
+    assert {k: v.tobytes() for k, v in given.arrays.items()} == {
+        k: v.tobytes() for k, v in same.arrays.items()
+    }
+
+
+def test_a_checkpoint_of_another_graph_is_refused(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "servo.yaml").write_text(runtime.load(SERVO).to_yaml())
+    assert cli("run", "servo.yaml", "--checkpoint", "1h", "--no-plots", "-q").returncode == 0
+    folder = (tmp_path / "runs" / "servo" / "latest").resolve()
+    written = folder / "graph.resolved.yaml"
+    written.write_text(written.read_text().replace("neurons: 20", "neurons: 21"))
+    done = cli("resume", str(folder), "--until", "0.2", "--no-plots", "-q")
+    assert done.returncode == 2 and "is of another graph" in done.stderr
+    assert resumable(folder, 0.2).source[0].name == "checkpoint.npz"
+
+
+def test_what_no_file_can_hold_is_named() -> None:
+    class Listing(blocks.Block):
+        """Keeps a list that grows."""
+
+        out = blocks.Output(blocks.Scalar)
+
+        def start(self, state: Any) -> None:
+            state.seen = []
+            state.fixed = [1, 2]
+
+        def output(self, state: Any, t: float) -> float:
+            return float(len(state.seen))
+
+        def update(self, state: Any, t: float) -> None:
+            state.seen.append(t)
+
+    graph = runtime.Graph("listing", dt=0.01, until=0.1).add("keeps", Listing())
+    engine = begun(graph, 5)
+    with pytest.raises(runtime.UsageError, match=r"block 'keeps' keeps state.seen \(list\)"):
+        content(engine)
