@@ -97,7 +97,7 @@ PICTURES = {
     "paper_gated_memory_dimensions.png": of_study(
         "gated_memory",
         "dimensions",
-        "share of items that are recalled: high for few items and many dimensions",
+        "the same in 16 dimensions: falling earlier",
     ),
     "paper_associations_recall.png": of_study(
         "associations",
