@@ -18,7 +18,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from blocks.core import hint, show
+from blocks.core import hint
 from runtime.document import dump_yaml
 from runtime.engine import Carried, Engine, Reader, adopt, adopt_changed, carried
 from runtime.errors import SimulationError, UsageError

@@ -259,7 +259,7 @@ def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Pat
     done = cli("replay", "a")
     assert done.returncode == 0, done.stderr
     assert (
-        done.stdout == "servo: 40 ticks, 1 changes\nall recordings have the bits that were saved\n"
+        done.stdout == "servo: 40 ticks, 1 change\nall recordings have the bits that were saved\n"
     )
     log = tmp_path / "a" / "session.json"
     log.write_text(log.read_text().replace("1.0", "1.5"))
@@ -267,5 +267,8 @@ def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Pat
     assert done.returncode == 1 and '"push"' in done.stdout
     log.write_text(log.read_text().replace('"write"', '"rite"'))
     done = cli("replay", "a")
-    assert done.returncode == 2 and "a session has no method 'rite'" in done.stderr
+    assert (
+        done.returncode == 2
+        and "a session has no method 'rite', did you mean 'write'?" in done.stderr
+    )
     assert cli("replay", "b").returncode == 2
