@@ -195,11 +195,9 @@ class Session:
     def _write(self, port: str, value: Any) -> None:
         inputs = self._engine.network.inputs
         if port not in inputs:
-            known = hint(port, inputs) or (
-                f"; the inputs are {', '.join(inputs)}" if inputs else ""
-            )
-            none = "; a graph's own inputs are declared in its section 'inputs'" * (not inputs)
-            raise UsageError(f"the graph has no input {show(port)}{known}{none}")
+            known = hint(port, inputs) or f"; its inputs are {', '.join(inputs)}"
+            known = known if inputs else "; a graph's inputs are declared in its section 'inputs'"
+            raise UsageError(f"the graph has no input '{port}'{known}")
         declared = inputs[port]
         try:
             array = declared.value(value)
