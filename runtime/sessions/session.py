@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -167,20 +168,24 @@ class Session:
         ------
         UsageError : there is no such address.
         """
-        network = self._engine.network
-        end = output_at(network, address)
-        kind = network.types.get((end.block, end.port))
+        if address not in self._readers:
+            self._readers[address] = self._reader_of(address)
+        value = self._readers[address]()
+        return float(value) if np.ndim(value) == 0 else np.array(value, dtype=np.float64)
+
+    def _reader_of(self, address: str) -> Callable[[], Any]:
+        """What reads an address in the present engine."""
+        engine = self._engine
+        end = output_at(engine.network, address)
+        kind = engine.network.types.get((end.block, end.port))
         if kind is None:
-            array = np.asarray(getattr(self._engine.state.blocks[end.block], end.port))
-            value = (
-                array[tuple(int(i) for i in end.component.split("."))] if end.component else array
-            )
-        else:
-            signal = Signal(end.block, end.port, kind)
-            value = np.asarray(self._reader.read(signal), dtype=np.float64)
-            if end.component:
-                value = value[Source(signal, end.component).columns]
-        return float(value) if np.ndim(value) == 0 else np.array(value)
+            array = getattr(engine.state.blocks[end.block], end.port)
+            return lambda: array[int(end.component)] if end.component else array
+        signal, read = Signal(end.block, end.port, kind), Reader(engine).read
+        if not end.component:
+            return partial(read, signal)
+        columns = Source(signal, end.component).columns
+        return lambda: np.asarray(read(signal))[columns]
 
     def write(self, port: str, value: Any) -> None:
         """Set an input of the graph, from the next tick on.
@@ -189,10 +194,6 @@ class Session:
         ------
         UsageError : there is no such input, or the value is out of its bounds.
         """
-        self._write(port, value)
-        self._note("write", port, np.asarray(value, dtype=np.float64).tolist())
-
-    def _write(self, port: str, value: Any) -> None:
         inputs = self._engine.network.inputs
         if port not in inputs:
             known = hint(port, inputs) or f"; its inputs are {', '.join(inputs)}"
@@ -204,6 +205,7 @@ class Session:
         except ValueError as error:
             raise UsageError(str(error)) from None
         self._engine.state.blocks[declared.end.block].value[...] = array
+        self._log.append(Change(self.tick, "write", (port, array.tolist())))
 
     # Changes
 
@@ -339,5 +341,6 @@ class Session:
         return engine
 
     def _begin(self, engine: Engine) -> None:
-        self._engine, self._reader = engine, Reader(engine)
+        self._engine = engine
+        self._readers: dict[str, Callable[[], Any]] = {}
         self._failed = None
