@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from runtime.export.names import check_name
 from runtime.export.recording import Native, record, run_natively, usual_ticks
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
-from runtime.export.units import write_units
+from runtime.export.units import measure, write_units
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
 from runtime.toolchain import available
@@ -28,6 +29,7 @@ TOLERANCE = 1e-9
 MARGIN = 4.0  # of a tolerance over the deviation that was measured on this computer
 SPARE = 1.25  # of the arena over what was used, where sizes depend on data
 UNMEASURED = 2**24  # bytes of the arena where sizes depend on data, before they are measured
+SOLVERS = re.compile(r"^static void ((?:solver|loop)_\w+)\(", re.MULTILINE)
 UNKNOWN = 1e-2  # the tolerance of float32 where nothing was measured
 
 
@@ -83,7 +85,7 @@ def export(
         graph = graph.set("run.events", "ticks")
         network = graph.network
     selection = select(network, graph.program().plan, names)
-    layout = _layout(graph, selection, name, hold)
+    layout = layout_of(graph, selection, name, hold)
     length = usual_ticks(selection) if ticks is None else min(ticks, network.ticks)
     replay = record(graph, selection, length)
     about = _about(graph, selection, float32)
@@ -106,7 +108,7 @@ def export(
     return Exported(place, tuple(files), files["report.txt"], *ends)
 
 
-def _layout(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout:
+def layout_of(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout:
     """The blocks' C text, with the values that they start with."""
     program = graph.program()
     engine = Engine(program, graph.network.seed)
@@ -114,6 +116,8 @@ def _layout(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout
     units = write_units(selection, engine.state.blocks, name)
     with fixed_sizes():
         plan = c_plan(selection.plan, program.names, units.kernels, selection.inputs)
+    for text in plan.inner:
+        measure(units, text, SOLVERS.findall(text))
     names = program.names
     constants = {p: np.asarray(engine.namespace[names.signals[p]]) for p in selection.constants}
     arrays = {k: v for k, v in engine.namespace.items() if isinstance(v, np.ndarray)}
@@ -169,15 +173,20 @@ def _tolerance(native: Native | None, float32: bool) -> tuple[float, str]:
     return math.ceil(value / digits) * digits, f"{seen}, which is what float makes of double."
 
 
-def _about(graph: Graph, selection: Selection, float32: bool) -> list[str]:
-    """What the files say that they are."""
+def about(graph: Graph) -> str:
+    """What wrote a file, from what."""
     from runtime.runs import versions
 
     made = versions().get("spikeblocks", "")
+    return f"Written by spikeblocks {made} from a graph with seed {graph.network.seed}"
+
+
+def _about(graph: Graph, selection: Selection, float32: bool) -> list[str]:
+    """What the files say that they are."""
     lines = [
         f"{graph.network.title}: {', '.join(selection.blocks)}",
-        f"Written by spikeblocks {made} from a graph with seed {graph.network.seed}, in "
-        f"{'float' if float32 else 'double'}. Export it again instead of changing it.",
+        f"{about(graph)}, in {'float' if float32 else 'double'}. Export it again instead of "
+        "changing it.",
     ]
     begun = [
         f"{block}.{state}"

@@ -88,9 +88,8 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
 
 
 def _parameters(layout: Layout) -> list[str]:
-    return [
-        f"    double {each.name}; /* {comment(each.doc)} */" for each in layout.parameters.values()
-    ]
+    found = layout.parameters.values()
+    return [f"    double {p.name}{p.dimension}; /* {comment(p.doc)} */" for p in found]
 
 
 def _wrong(layout: Layout) -> str:
@@ -117,9 +116,7 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     """The source."""
     name, writer = layout.name, InterfaceText(layout)
     plan = renamed("\n".join([*layout.plan.inner, layout.plan.text]), name)
-    begun = [
-        f"    c->parameters.{p.name} = {literal(p.value)};" for p in layout.parameters.values()
-    ]
+    begun = [writer.begun(each) for each in layout.parameters.values()]
     parts = {
         "learnt": [*begun, *writer.initial(kept=True)],
         "reset": writer.initial(kept=False),
@@ -179,6 +176,7 @@ def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32:
     unused = [] if selection.inputs else ["        in.none = 0;"]
     return TEST.substitute(
         ticks=replay.ticks,
+        stopped=layout.failures[("stopped",)][0],
         name=name,
         reason=comment(reason),
         tolerance=literal(tolerance),

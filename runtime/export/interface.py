@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from runtime.engine.compiled import Ending
-from runtime.export.layout import ENGINE, Layout
+from runtime.export.layout import ENGINE, Layout, Parameter
 from runtime.export.units import BlockText
 from runtime.plan import Port, numbers_in
 
@@ -85,6 +85,14 @@ class InterfaceText:
         for port in self.selection.inputs if self.layout.hold and not kept else ():
             place, count = self.given(port), self.layout.count(port)  # nothing is held yet
             yield f"    for (int i = 0; i < {count}; i++) {place}[i] = (double)NAN;"
+
+    def begun(self, parameter: Parameter) -> str:
+        """The statement that sets a parameter to what it begins with."""
+        place, value = f"c->parameters.{parameter.name}", parameter.value
+        if isinstance(value, float):
+            return f"    {place} = {literal(value)};"
+        name = self.table(f"table_{parameter.name}", value)
+        return f"    set_numbers({place}, {name}, {value.size});"
 
     def initialised(self, member: str, values: np.ndarray[Any, Any]) -> str:
         """The statement that sets a state to what it begins with."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +20,7 @@ LEARNT = ("weights",)  # states that a reset keeps
 # Members of the struct beside signals and states.
 MEMBERS = frozenset(("tick", "failure", "arena", "arena_most", "none", "signals", "parameters"))
 ENGINE = ""  # instead of a block: the owner of the solver's memory
+SHORT = 16  # numbers of an array that is a parameter: the gain of a controller, not a table
 # What the engine keeps for a solver and never changes.
 FIXED = frozenset(("table", "errors", "directions", "edges", "colours", "pattern"))
 
@@ -30,12 +30,21 @@ class Parameter:
     """A number of a block that may be changed while a controller runs.
 
     name : the member of the struct of parameters. doc : what it is.
-    value : what it begins with.
+    value : what it begins with: a number, or a short array.
     """
 
     name: str
     doc: str
-    value: float
+    value: float | np.ndarray[Any, Any]
+
+    @property
+    def size(self) -> int:
+        return int(np.size(self.value))
+
+    @property
+    def dimension(self) -> str:
+        """What follows its name in a declaration."""
+        return "" if isinstance(self.value, float) else f"[{self.size}]"
 
 
 @dataclass(frozen=True)
@@ -127,13 +136,15 @@ class Layout:
         taken: set[str] = set()
         for block, text in self.units.blocks.items():
             declared = self.selection.network.entries[block].cls.spec.params
-            for (word, c_type), value in zip(text.words, text.values, strict=True):
-                if c_type == "double" and isinstance(value, float) and math.isfinite(value):
+            words = zip(text.words, text.values, text.owned, strict=True)
+            for (word, c_type), value, owned in words:
+                if c_type == "double" or _is_short(value, owned):
                     owner, _, name = word.partition("_")
                     own = declared.get(name) if owner == "self" else None
                     doc = f"{own.doc}{f' ({own.unit})' if own.unit else ''}" if own else "derived"
                     member = unused(member_name(f"{block}_{name}"), taken)
-                    found[block, word] = Parameter(member, f"{block}.{name}: {doc}", value)
+                    begun = value if isinstance(value, np.ndarray) else float(value)
+                    found[block, word] = Parameter(member, f"{block}.{name}: {doc}", begun)
         return found
 
     def kind(self, port: Port) -> SignalType:
@@ -243,7 +254,10 @@ class Layout:
         for key in sorted(self.arrays, key=order):
             array = self.arrays[key]
             start = array.ctypes.data
-            if not start < end or not array.size:
+            if not array.size:  # it may lie inside of another one
+                found[key] = self.member(*key), 0
+                continue
+            if not start < end:
                 member, first, end = self.member(*key), start, start + array.nbytes
             found[key] = member, (start - first) // array.itemsize
         return {key: found[key] for key in self.arrays}
@@ -251,6 +265,12 @@ class Layout:
     def member(self, block: str, word: str) -> str:
         """The struct's member for an array of its own."""
         return self.names[block, word, "state"]
+
+
+def _is_short(value: Any, owned: bool) -> bool:
+    """Whether an array of a block is one that may be changed, and not a table."""
+    is_array = isinstance(value, np.ndarray) and not owned and value.dtype.kind == "f"
+    return is_array and 0 < value.size <= SHORT
 
 
 def comment(text: str) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from blocks.extensions import Registry
 from runtime.export.controller import Exported, export
+from runtime.export.html import export_page
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class ExportTarget:
     write: Callable[..., Exported]
 
 
-TARGETS: Registry[ExportTarget] = Registry(
-    "exports", ExportTarget, "an ExportTarget", own={"c": ExportTarget("C99", export)}
-)
+OWN = {
+    "c": ExportTarget("C99", export),
+    "html": ExportTarget("one HTML file that simulates the graph", export_page),
+}
+TARGETS: Registry[ExportTarget] = Registry("exports", ExportTarget, "an ExportTarget", own=OWN)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -89,7 +89,7 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
         enclosed = units.kernels[name] = kernel.enclosed(known[key])
         if is_new:
             texts.append(enclosed.text)
-            _measure(units, enclosed)
+            measure(units, enclosed.text, enclosed.symbols.values())
         words, failures = _words(kernel.text), tuple(map(_failure_text, kernel.failures))
         owned = _owned(kernel, values)
         values = tuple(
@@ -133,11 +133,11 @@ def _failure_text(failure: tuple[str, str, str, int]) -> str:
     return f"{message} ({Path(file).name}:{line})" if file else message
 
 
-def _measure(units: Units, kernel: Kernel) -> None:
-    """What a unit's local arrays need."""
-    count = counter(kernel.text)
-    for method in kernel.symbols.values():
-        found = count.of(method)
+def measure(units: Units, text: str, names: Iterable[str]) -> None:
+    """What the local arrays of functions need."""
+    count = counter(text)
+    for name in names:
+        found = count.of(name)
         units.reserved = max(units.reserved, found.reserved)
         units.open |= found.is_open
 

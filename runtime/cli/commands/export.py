@@ -1,14 +1,16 @@
-"""``runtime export``: write a part of a graph as C."""
+"""``runtime export``: write a graph, or a part of it, as C or as a page."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from typing import Any
 
 from runtime.arguments import add_json, chosen, integer
 from runtime.cli.commands.changes import add_graph, changed_graph
+from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
-HELP = "write a controller, or any blocks of a graph, as C"
+HELP = "write a graph, or some of its blocks, as C or as a page that simulates"
 EXAMPLES = """
 runtime export my.yaml c --block lqr
 runtime export my.yaml c --except plant --float32
@@ -20,7 +22,9 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
     parser.add_argument("folder", metavar="DIR", help="folder for the files")
-    parser.add_argument("--to", default="c", metavar="TARGET", help="language (c: C99)")
+    parser.add_argument(
+        "--to", default="c", metavar="TARGET", help="c: C99; html: a page that simulates"
+    )
     for flag, place, text in (
         ("--block", "blocks", "a block or part to export"),
         ("--except", "others", "export all blocks but these"),
@@ -28,12 +32,14 @@ def add(parser: ArgumentParser) -> None:
         parser.add_argument(
             flag, dest=place, action="append", default=[], metavar="NAME[,NAME]", help=text
         )
-    parser.add_argument("--name", default="controller", help="of files and functions (controller)")
+    parser.add_argument("--name", help="of files and functions (controller); of a page (its title)")
     parser.add_argument("--float32", action="store_true", help="compute in float, not in double")
     message = "an input that is not finite keeps its last value, instead of a failure"
     parser.add_argument("--hold-inputs", action="store_true", help=message)
     message = "length of the recorded run that the test replays"
     parser.add_argument("--ticks", type=integer(1, MOST_TICKS), metavar="N", help=message)
+    message = "a value that the reader of a page may change, as fault.gain[1]=0..1"
+    parser.add_argument("--slider", action="append", metavar="NAME=LOW..HIGH", help=message)
     add_json(parser)
 
 
@@ -41,15 +47,21 @@ def run(options: Namespace) -> int:
     """Write the files, and print the report."""
     from runtime.export import TARGETS
 
-    made = chosen(TARGETS, options.to, "export target").write(
+    target = chosen(TARGETS, options.to, "export target")
+    own: dict[str, Any] = {"name": options.name} if options.name else {}
+    if options.slider:
+        if options.to == "c":
+            raise UsageError("--slider: sliders are for pages (--to html)")
+        own["slider"] = options.slider
+    made = target.write(
         changed_graph(options.graph, options),
         options.folder,
         blocks=_names(options.blocks),
         others=_names(options.others),
-        name=options.name,
         float32=options.float32,
         ticks=options.ticks,
         hold=options.hold_inputs,
+        **own,
     )
     if options.json:
         show_json(

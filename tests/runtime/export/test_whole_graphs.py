@@ -12,8 +12,9 @@ from tests.runtime.export.test_every_block import COMPILERS, SANITIZE, run
 
 GRAPHS = Path(__file__).parents[3] / "graphs"
 QUICK = {
-    "gallery/dc_motor": "rk4",
+    "gallery/dc_motor": "states of several blocks in one row",
     "gallery/brusselator": "a solver that chooses its steps",
+    "gallery/published/flame": "an implicit solver, with a local array",
     "gallery/bouncing_ball": "events between ticks",
     "gallery/thermostat": "a switch between ticks",
     "gallery/noise_filter": "random numbers",

@@ -1,0 +1,179 @@
+"""One HTML file that simulates a graph in the reader's browser, without a server or a network.
+
+In goes a graph, out comes a page: the exported C as a WebAssembly module, the graph's plots drawn
+while it runs, and sliders for some of its numbers.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from runtime.engine import Engine
+from runtime.errors import UsageError
+from runtime.export.controller import Exported, about, layout_of
+from runtime.export.files import header, source
+from runtime.export.layout import Layout
+from runtime.export.names import member_name
+from runtime.export.selection import named_blocks, select
+from runtime.export.shown import Shown, shown
+from runtime.export.sliders import sliders, usual
+from runtime.export.units import Units, write_units
+from runtime.export.wasm import module
+from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.graph import Graph
+from runtime.plan import Port
+
+ROWS = 4000  # of a whole run: more points than a plot has pixels
+ASSETS = Path(__file__).parent / "page"
+NAME = "simulation"
+
+
+def export_page(
+    graph: Graph,
+    folder: str | Path,
+    *,
+    blocks: Sequence[str] = (),
+    others: Sequence[str] = (),
+    name: str = "",
+    slider: Sequence[str] = (),
+    ticks: int | None = None,
+    float32: bool = False,
+    hold: bool = False,
+) -> Exported:
+    """Write a page that simulates a graph.
+
+    Parameters
+    ----------
+    name : of the file; the graph's title by default.
+    slider : values that the reader may change, as ``fault.gain[1]=0..1``; by default, some of the
+        blocks' parameters.
+
+    Raises
+    ------
+    UsageError : something is asked for that a page does not have.
+    GraphError : blocks cannot be exported; each is named with the reason.
+    MissingExtraError : ziglang is not installed.
+    """
+    if blocks or others or float32 or hold or ticks is not None:
+        raise UsageError(
+            "--to html: a page has the whole graph; leave out other options than --slider"
+        )
+    network = graph.network
+    chosen = named_blocks(network, (), ())
+    selection = select(network, graph.program().plan, chosen)
+    layout = layout_of(graph, selection, NAME, hold=False)
+
+    def prepare(changed: Graph) -> Units:
+        program = changed.program()
+        engine = Engine(program, changed.network.seed)
+        engine.prepare()
+        again = select(changed.network, program.plan, chosen)
+        return write_units(again, engine.state.blocks, NAME)
+
+    made = sliders(graph, layout, prepare, slider or usual(graph, layout), strict=bool(slider))
+    constants = _constants(graph)
+    plots = shown(
+        graph.program().observation, selection.outputs, constants, network.types, network.world
+    )
+    if not plots.plots:
+        raise UsageError("--to html: the graph has no plot that a page can draw; add a timeseries")
+    packed = gzip.compress(module(_c_text(layout, plots)), 9, mtime=0)
+    data = {
+        "title": network.title,
+        "dt": network.dt,
+        "unit": network.time_unit,
+        "until": network.ticks * network.dt,
+        "ticks": network.ticks,
+        "every": max(1, math.ceil(network.ticks / ROWS)),
+        "columns": ["t", *(f"{block}.{port}[{i}]" for (block, port), i in plots.columns)],
+        "plots": plots.plots,
+        "sliders": [each.as_dict() for each in made],
+        "parameters": max(1, sum(each.size for each in layout.parameters.values())),
+        "stopped": layout.failures[("stopped",)][0],
+    }
+    text = _page(graph, data, packed, plots)
+    file = f"{name or member_name(network.title)}.html"
+    with system_errors(f"write to '{folder}'"):
+        place = own_folder(Path(folder))
+        write_whole(own_file(place / file), text)
+    report = [f"{network.title}: {len(plots.plots)} plots, {len(made)} sliders"]
+    report += [
+        f"  slider {each.label}: {each.numbers[0]:g} to {each.numbers[-1]:g}" for each in made
+    ]
+    report += [f"  not drawn in a page: {title}" for title in plots.left_out]
+    report.append(
+        f"  {len(text) / 1000:.0f} kB, of which {len(packed) / 1000:.0f} kB are the module"
+    )
+    outputs = tuple(map(".".join, selection.outputs))
+    return Exported(place, (file,), "\n".join(report) + "\n", (), outputs)
+
+
+def _constants(graph: Graph) -> dict[Port, np.ndarray[Any, Any]]:
+    """The values of all outputs that never change."""
+    program = graph.program()
+    engine = Engine(program, graph.network.seed)
+    engine.prepare()
+    calls = (call for call in program.plan.evaluations if call.gate.once)
+    return {
+        signal.key: np.asarray(engine.namespace[program.names.signals[signal.key]])
+        for call in calls
+        for signal in call.outputs
+    }
+
+
+def _c_text(layout: Layout, plots: Shown) -> str:
+    """The controller with what a page calls."""
+    copies = []
+    for column, (port, index) in enumerate(plots.columns, 1):
+        scalar = layout.kind(port).form == "scalar"
+        item = layout.names[port] + (f"[{index}]" if not scalar else "")
+        copies.append(f"        row[{column}] = out.{item};")
+    glue = Template((ASSETS / "page.c").read_text(encoding="utf-8")).substitute(
+        name=NAME,
+        width=1 + len(plots.columns),
+        dt=repr(layout.selection.network.dt),
+        stopped=layout.failures[("stopped",)][0],
+        copies="\n".join(copies),
+    )
+    text = source(layout, [layout.name], float32=False)
+    return text.replace(f'#include "{NAME}.h"', header(layout, [layout.name], float32=False)) + glue
+
+
+def _page(graph: Graph, data: dict[str, Any], packed: bytes, plots: Shown) -> str:
+    """The text of the page."""
+
+    def asset(file: str) -> str:
+        return (ASSETS / file).read_text(encoding="utf-8")
+
+    hint = (
+        "Move a slider: the curves are computed again, here in this page. Dashed: the run before."
+    )
+    notes = f" Not drawn in a page: {', '.join(plots.left_out)}." if plots.left_out else ""
+    picture = str(graph.diagram("svg"))
+    picture = picture[picture.index("<svg") :]
+    parts = {
+        "title": escape(str(data["title"])),
+        "lead": escape(hint + notes),
+        "style": asset("uplot.css") + asset("page.css"),
+        "diagram": "<details><summary>Block diagram</summary>"
+        f'<div class="diagram">{picture}</div></details>',
+        "about": escape(f"{about(graph)}."),
+        "uplot": f"/*\n{asset('uplot.LICENSE')}*/\n{asset('uplot.js')}",
+        "data": json.dumps(data, allow_nan=False).replace("</", "<\\/"),
+        "module": base64.b64encode(packed).decode("ascii"),
+        "script": asset("page.js"),
+    }
+    text = asset("page.html")
+    for key, part in parts.items():
+        text = text.replace(f"@{key}@", part)
+    return text
