@@ -196,6 +196,10 @@ class RunState:
         start, shape = self.layout[name]
         return self.memory[start : start + math.prod(shape)].reshape(shape)
 
+    def is_together(self, name: str) -> bool:
+        """Whether a block is computed together with others."""
+        return name in self._place
+
     def stacks(self) -> dict[str, Any]:
         """What computes equal blocks together, by its name in the plan's text."""
         found = {}

@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from blocks.core import hint
+from blocks.core import ParameterError, hint
 from runtime.document import dump_yaml
 from runtime.engine import Carried, Engine, Reader, adopt, adopt_changed, carried
 from runtime.errors import SimulationError, UsageError
@@ -46,7 +46,7 @@ class ChangeableGraph(Protocol):
     def texts(self) -> Mapping[str, bytes]: ...
     def prepared(self, *, growing: bool) -> PreparedRun: ...
     def check(self) -> Any: ...
-    def set(self, path: str, value: Any) -> Any: ...
+    def set(self, path: str, value: Any, *, origin: str) -> Any: ...
     def to_dict(self, *, modules: bool) -> dict[str, Any]: ...
 
 
@@ -100,6 +100,8 @@ class Session:
         self._graph = graph
         self._began = datetime.now().astimezone()
         self._log: list[Change] = []
+        # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
+        self._unwritten: dict[str, Any] = {}
         self._failed: SimulationError | None = None
         self._begin(self._prepared(graph))
 
@@ -123,6 +125,9 @@ class Session:
     @property
     def graph(self) -> ChangeableGraph:
         """The graph with all changes so far."""
+        for path, value in self._unwritten.items():
+            self._graph = self._graph.set(path, value, origin=f"set {path}")
+        self._unwritten.clear()
         return self._graph
 
     @property
@@ -144,8 +149,7 @@ class Session:
 
     def step(self, ticks: int = 1) -> Session:
         """Do some ticks; returns itself."""
-        if self._failed is not None:
-            raise self._failed
+        self._check()
         last = self.tick + ticks
         if last > self._engine.network.ticks:
             self._extend(last)
@@ -156,6 +160,11 @@ class Session:
             error.result = self.result()
             raise
         return self
+
+    def _check(self) -> None:
+        """Raise the failure that left a tick half done; a snapshot can be restored."""
+        if self._failed is not None:
+            raise self._failed
 
     # Signals
 
@@ -194,6 +203,7 @@ class Session:
         ------
         UsageError : there is no such input, or the value is out of its bounds.
         """
+        self._check()
         inputs = self._engine.network.inputs
         if port not in inputs:
             known = hint(port, inputs) or f"; its inputs are {', '.join(inputs)}"
@@ -212,11 +222,38 @@ class Session:
     def set(self, path: str, value: Any) -> None:
         """Change one entry of the graph, such as ``fault.gain``, from the next tick on.
 
+        Tunable parameters, see ``runtime blocks TYPE``, change in the running engine; for others,
+        there is a new one.
+
         Raises
         ------
         GraphError : it is wrong; the session stays as it was. So for the other changes.
         """
-        self._change("set", path, value)
+        self._check()
+        if self._retune(path, value):
+            self._note("set", path, value)
+        else:
+            self._change("set", path, value)
+
+    def _retune(self, path: str, value: Any) -> bool:
+        """Change a tunable parameter in the running engine; False if that is not possible."""
+        name, _, parameter = path.removeprefix("blocks.").rpartition(".")
+        entry = self._engine.network.entries.get(name)
+        numbers = isinstance(value, (bool, int, float, np.ndarray)) or (
+            isinstance(value, list) and np.asarray(value).dtype.kind in "if"
+        )
+        if entry is None or not numbers or not entry.block.is_tunable(parameter):
+            return False
+        try:
+            block = type(entry.block)(**{**entry.block.parameters(), parameter: value})
+            block.validate_in(self._engine.program.contexts[name])
+        except ParameterError:
+            return False  # said, with its place, by the check of the changed graph
+        if not self._engine.retune(name, block):
+            return False
+        self._unwritten[path] = value
+        self._readers.clear()
+        return True
 
     def wire(self, consumer: str, source: str | Sequence[str] | None) -> None:
         """Connect an input to another source: ``wire("snn.error", "error.heading")``."""
@@ -239,7 +276,8 @@ class Session:
         self._change("overlay", source)
 
     def _change(self, call: str, *arguments: Any) -> None:
-        graph = getattr(self._graph, call)(*arguments)
+        self._check()
+        graph = getattr(self.graph, call)(*arguments)
         graph.check()
         if graph.network.dt != self._engine.network.dt:
             raise UsageError("run.dt cannot change in a session: ticks count its time")
@@ -253,7 +291,7 @@ class Session:
         """Plan for a longer time: edges of sources are known up to ``run.until``."""
         network = self._engine.network
         until = max(last, 2 * network.ticks) * network.dt
-        self._move_to(self._graph.set("run.until", until))
+        self._move_to(self.graph.set("run.until", until, origin="until"))
 
     def _move_to(self, graph: ChangeableGraph) -> None:
         """Go on in an engine for a changed graph; nothing changes if it cannot start."""
@@ -266,15 +304,14 @@ class Session:
 
     def snapshot(self) -> SessionSnapshot:
         """The present state, recordings included."""
-        if self._failed is not None:
-            raise self._failed
+        self._check()
         return SessionSnapshot(
-            self.t, self._graph, self._engine, carried(self._engine), tuple(self._log)
+            self.t, self.graph, self._engine, carried(self._engine), tuple(self._log)
         )
 
     def restore(self, saved: SessionSnapshot) -> None:
         """Go back, or forth, to a snapshot of this session or of one that it was branched from."""
-        same = saved.engine is getattr(self, "_engine", None)
+        same = saved.engine is self._engine and saved.graph is self.graph
         engine = saved.engine if same else self._prepared(saved.graph)
         adopt(engine, saved.carried)
         self._graph, self._log = saved.graph, list(saved.log)
@@ -284,14 +321,18 @@ class Session:
         """Another session that goes on from here, independent of this one."""
         other = Session.__new__(Session)
         other.first, other.keep, other._began = self.first, self.keep, self._began
-        other.restore(self.snapshot())
+        saved = self.snapshot()
+        other._log, other._graph, other._unwritten = list(saved.log), saved.graph, {}
+        engine = self._prepared(saved.graph)
+        adopt(engine, saved.carried)
+        other._begin(engine)
         return other
 
     # Results
 
     def result(self) -> Result:
         """What was recorded up to now, with metrics and plots; the session can go on."""
-        prepared = self._graph.prepared(growing=True)
+        prepared = self.graph.prepared(growing=True)
         return result_of(prepared, self._engine, self._engine.finish(), self._began)
 
     def save(self, folder: str | Path) -> Path:

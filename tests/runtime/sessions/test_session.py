@@ -196,6 +196,30 @@ def test_a_failure_is_reported_again_until_the_session_goes_back(engine: str) ->
     assert same(session.step(10).result(), servo(engine).step(20).result()) == []
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("gain.gain", -1.0), ("noise.density", 0.3), ("k.value", 4.0), ("pid.kp", 3.0)],
+)
+def test_numbers_that_change_in_place_are_those_of_a_new_engine(
+    path: str, value: float, engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blocks = {**SERVO["blocks"], "k": {"type": "Constant", "value": 1.0}, "pid": {"type": "PID"}}
+    wires = {**SERVO["wires"], "pid": {"error": "k.value"}}
+    wires["sum"] = {"terms": ["noise.out", "gain.out", "inputs.push", "pid.out"]}
+    session, other = (servo(engine, blocks=blocks, wires=wires).step(15) for _ in range(2))
+    saved, running = session.snapshot(), session._engine
+    session.set(path, value)
+    assert session._engine is running
+    monkeypatch.setattr(Session, "_retune", lambda *_: False)
+    other.set(path, value)
+    assert same(session.step(15).result(), other.step(15).result()) == []
+    assert session.graph == other.graph
+    session.restore(saved)
+    untouched = servo(engine, blocks=blocks, wires=wires).step(30)
+    assert same(session.step(15).result(), untouched.result()) == []
+
+
 CALLS = {
     "step": st.tuples(st.integers(1, 30)),
     "write": st.tuples(st.just("push"), st.floats(-2.0, 2.0)),
