@@ -172,6 +172,7 @@ OTHERS = {
     "PLACES": "neural.published_tuning",
     "AdaptiveLIF": "neural.lif",
     "AdaptiveLIFRate": "neural.lif",
+    "Direct": "neural.models",
     "Izhikevich": "neural.models",
     "LIFRate": "neural.lif",
     "NeuronModel": "neural.neurons",

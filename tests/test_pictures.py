@@ -15,7 +15,7 @@ from tests.test_docs import PAGES, ROOT
 
 # Written with their pages, by tests.studies.contest and docs/learning_study.py.
 OF_STUDIES = {"comparison.png", "learning_weights.png", "learning_deployed.png"}
-COMMAND = re.compile(r"runtime (?:run|draw|render|linearize) [^`#\n]*")
+COMMAND = re.compile(r"runtime (?:run|draw|render|linearize|sweep) [^`#\n]*")
 IMAGE = re.compile(r"!\[[^\]]*\]\((?:docs/|\.\./)?images/([^)]+)\)")
 
 

@@ -70,6 +70,8 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # Rooms that stand on doors and can be deleted: only the table of verbs names them.
 BRIDGES = ("runtime.lsp", "runtime.nengo", "runtime.rendering")
 TABLES = ("runtime.cli.commands",)
+# Modules that are only a name for a bridge, and fail with its message if it is missing.
+PUBLIC_NAMES = {("spikeblocks.nengo", "runtime.nengo")}
 
 # Imports that go up or past a door, each with the reason: (importing module, imported) -> why.
 EXCEPTIONS = {
@@ -212,7 +214,7 @@ def test_a_bridge_is_named_by_the_table_of_verbs_only() -> None:
         for target, _ in imported(m)
         if room_of(target) in BRIDGES and room_of(m) != room_of(target)
     }
-    assert named == {(table, bridge) for table in TABLES for bridge in BRIDGES}
+    assert named - PUBLIC_NAMES == {(table, bridge) for table in TABLES for bridge in BRIDGES}
 
 
 DELETED = """import sys

@@ -383,7 +383,8 @@ class Reader(Indices):
 
     def unknown_function(self, node: ast.expr, name: str) -> NoReturn:
         if name in self.names or name in CONSTANTS:
-            self.fail(node, f"'{name}' is no function; a product needs '*', as in '{name}*(...)'")
+            message = f"'{name}' is not a function; a product needs '*', as in '{name}*(...)'"
+            self.fail(node, message)
         if name in ALIASES:
             self.fail(node, f"no function '{name}'; write '{ALIASES[name]}'")
         known = [*FUNCTIONS, *(each for each in (*ARRAYS, *CREATION) if each not in FUNCTIONS)]

@@ -99,11 +99,14 @@ class Param:
             known: dict[Any, Any] = dict(sizes or {})
             # Two open lengths need not be equal.
             shapes = [
-                "mxn" if s == (None, None) else "x".join(str(known.get(d, d or "n")) for d in s)
+                ["m", "n"] if s == (None, None) else [str(known.get(d, d or "n")) for d in s]
                 for s in self.shapes
                 if s
             ]
-            size = " or ".join(shapes)
+            # 3x3, but neurons x n.
+            size = " or ".join(
+                ("x" if all(n.isdigit() for n in names) else " x ").join(names) for names in shapes
+            )
             noun = f"an array of {size} numbers" if size else "an array of numbers"
             noun = f"a number or {noun}" if () in self.shapes else noun
         else:

@@ -14,7 +14,7 @@ from blocks.lazy import door
 
 # At once: a neuron's model is looked up by its name among those that are imported.
 from blocks.neural.lif import LIF, AdaptiveLIF, AdaptiveLIFRate, LIFRate
-from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
+from blocks.neural.models import Direct, Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
 
 if TYPE_CHECKING:
     from blocks.neural.adaptive import AdaptiveEnsemble, RateEnsemble
@@ -33,7 +33,7 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
-__all__ += ["AdaptiveLIFRate", "SemanticPointer", "Similarity", "Superposition"]
+__all__ += ["AdaptiveLIFRate", "Direct", "SemanticPointer", "Similarity", "Superposition"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
 __all__ += [
     "DecoderSolver",

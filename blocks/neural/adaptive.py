@@ -66,10 +66,10 @@ class LearningEnsemble(Learner):
     neurons: int = param(100, at_least=1, doc="number of neurons")
     tau_syn: float = param(0.01, unit="s", above=0.0, doc="time constant of the synapse")
     radius: float = param(1.0, above=0.0, doc="largest input that is represented well")
-    gain: FloatArray | None = param(None, shape=("neurons",), doc="gains, in place of drawn ones")
-    bias: FloatArray | None = param(None, shape=("neurons",), doc="biases, in place of drawn ones")
+    gain: FloatArray | None = param(None, shape=("neurons",), doc="gains, in place of random ones")
+    bias: FloatArray | None = param(None, shape=("neurons",), doc="biases, in place of random ones")
     encoders: FloatArray | None = param(
-        None, shape=[("neurons",), ("neurons", None)], doc="encoders, in place of drawn ones"
+        None, shape=[("neurons",), ("neurons", None)], doc="encoders, in place of random ones"
     )
 
     current = State("neurons", doc="input current J")
@@ -245,7 +245,7 @@ class AdaptiveEnsemble(LearningEnsemble):
         at_least=0.0,
         at_most=1.0,
         shape=("neurons",),
-        doc="initial voltages, in place of drawn ones",
+        doc="initial voltages, in place of random ones",
     )
 
     membrane = State("neurons", name="voltage", doc="membrane voltage, threshold 1")

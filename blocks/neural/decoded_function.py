@@ -122,6 +122,31 @@ class DecodedFunction(Setting):
         except (ArithmeticError, ValueError):
             return 1 if isinstance(self.texts, str) else len(self.texts)
 
+    def exact(self, d: int, own: OwnNames) -> tuple[Callable[[Any], Any], bool]:
+        """The function of a point that both engines call, and whether it takes a bare number.
+
+        Raises
+        ------
+        SettingError : it is no expression, or wrong for d dimensions.
+        """
+        if self.table is not None or self.each:
+            raise SettingError(
+                [("", "without neurons (Direct), expected expressions for all groups")]
+            )
+        if d == 1:
+            try:
+                return self._read({"x": None}, own), True
+            except ExpressionError:
+                pass
+        try:
+            return self._read({"x": d}, own), False
+        except ExpressionError as error:
+            raise SettingError([("", str(error))]) from None
+
+    def _read(self, arguments: dict[str, int | None], own: OwnNames) -> Callable[[Any], Any]:
+        constants = own[0].values if own[0] else {}
+        return expression_function(self.texts, arguments, constants, own[1].texts if own[1] else {})
+
     def of_points(self, points: FloatArray, own: OwnNames) -> FloatArray:
         """The values (m, components) at points (m, d).
 
@@ -144,19 +169,17 @@ class DecodedFunction(Setting):
         return values
 
     def _function(self, d: int, own: OwnNames) -> Callable[[Any], Any]:
-        constants = own[0].values if own[0] else {}
-        let = own[1].texts if own[1] else {}
         try:
             # In one dimension people write x, and x[0] must be right as well: the second reading is
             # tried where the first is not an expression of a number.
             if d == 1:
                 try:
-                    scalar = expression_function(self.texts, {"x": None}, constants, let)
+                    scalar = self._read({"x": None}, own)
                 except ExpressionError:
                     pass
                 else:
                     return lambda point: scalar(point[0])
-            return expression_function(self.texts, {"x": d}, constants, let)
+            return self._read({"x": d}, own)
         except ExpressionError as error:
             where = f"{error.place}: " if isinstance(error.place, str) else ""
             raise SettingError([("", f"{where}{error}")]) from None

@@ -20,12 +20,15 @@ from blocks.core import (
     Input,
     ParameterError,
     Scalar,
+    SettingError,
     State,
     Vector,
     kernel_of,
     param,
 )
 from blocks.core.portable import flush, flush_due
+from blocks.neural.ensemble import Ensemble
+from blocks.neural.models import Direct
 from blocks.neural.published_tuning import Tuning
 from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step, share_of_spikes
 from blocks.neural.solving import Solved, decode, decode_each
@@ -104,21 +107,41 @@ class Decoder(Solved):
                 "a matrix that mixes groups does not learn; let the Decoder learn, and a Gain mix"
             )
             raise ParameterError([("transform", message)])
+        source = context.published.get("spikes")
+        if isinstance(source, Ensemble) and source.direct and self.weights_given is None:
+            self._validate_exact(context.lengths["d"] // context.lengths["groups"])
         # P would be block-diagonal, one n x n block per group, and is declared as one matrix.
         if self._rule == "rls" and context.lengths.get("groups", 1) > 1:
             raise ParameterError([("learning", "rls does not learn in groups; use pes")])
 
+    def _validate_exact(self, d: int) -> None:
+        """Whether the value can be computed without neurons."""
+        if self.learning is not None:
+            message = "there are no neurons (Direct) whose decoders could be learnt"
+            raise ParameterError([("learning", message)])
+        if self.filter == "spikes":
+            raise ParameterError([("filter", "there are no spikes (Direct); filter the value")])
+        try:
+            if self.function is not None:
+                self.function.exact(d, self._own_names)
+        except SettingError as error:
+            raise ParameterError([("function", error.problems[0][1])]) from None
+
     def start(self, state: BlockState) -> None:
         a, b = self.synapse.matrices(state.dt)
         state.a, state.b = a, b
-        state.groups, state.error = 1, math.nan
+        state.groups, state.error, state.exact = 1, math.nan, False
         state.rule, state.by_spikes = self._rule, self.filter == "spikes"
         if self.weights_given is not None:
             state.weights[...], state.groups = self.weights_given, self.groups_given
         else:
             tuning: Tuning = state.published["spikes"]
             state.groups = self.groups_out(state.context.lengths)
-            state.weights[...], state.error = self.solve(state.rng, tuning)
+            state.exact = isinstance(tuning.neuron, Direct)
+            if not state.exact:
+                state.weights[...], state.error = self.solve(state.rng, tuning)
+            if state.exact:
+                self._start_exact(state, tuning)
         state.gamma = state.quick = 0.0
         if self.learning is not None:
             n = state.weights.shape[1] // state.groups
@@ -132,7 +155,22 @@ class Decoder(Solved):
         elif state.by_spikes:
             state.quick = float(b[0])
 
+    def _start_exact(self, state: BlockState, tuning: Tuning) -> None:
+        d = tuning.dimensions
+        inside, matrix = self._components(d), self.transform
+        state.d, state.inside, state.takes = d, inside, "itself"
+        if self.function is not None:
+            state.evaluate, of_number = self.function.exact(d, self._own_names)
+            state.takes = "number" if of_number else "vector"
+        if matrix is None or matrix.ndim == 0:
+            matrix = np.eye(inside) * (1.0 if matrix is None else matrix)
+        state.matrix = matrix.copy()
+        state.mixes = state.groups < tuning.groups
+
     def stack_key(self, context: BlockContext) -> Hashable:
+        source = context.published.get("spikes")
+        if isinstance(source, Ensemble) and source.direct:
+            return None
         groups = self.groups_out(context.lengths)
         rule = self.learning
         # Learning in groups, and P of recursive least squares, stay with each block.
@@ -155,8 +193,34 @@ class Decoder(Solved):
     def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
         if state.by_spikes:
             return self._of_filtered(state, spikes)
-        decoded = decode(state.weights, spikes, state.groups)
-        return passed(state.filtered, state.a, state.b, decoded)
+        return passed(state.filtered, state.a, state.b, self._decoded(state, spikes))
+
+    def _decoded(self, state: BlockState, spikes: FloatArray) -> FloatArray:
+        """The value before the synapse."""
+        if state.exact:
+            return self._exactly(state, spikes)
+        return decode(state.weights, spikes, state.groups)
+
+    def _exactly(self, state: BlockState, x: FloatArray) -> FloatArray:
+        """The function of what an ensemble without neurons holds, times transform."""
+        d, inside, rows = state.d, state.inside, len(state.matrix)
+        out, values = np.zeros(state.groups * rows), np.zeros(inside)
+        for group in range(len(x) // d):
+            start = group * d
+            if state.takes == "itself":
+                for j in range(inside):
+                    values[j] = x[start + j]
+            elif state.takes == "number":
+                values[:] = state.evaluate(x[start])
+            else:
+                values[:] = state.evaluate(x[start : start + d])
+            # A matrix over all groups has columns of its own for each.
+            column = group * inside if state.mixes else 0
+            first = 0 if state.mixes else group * rows
+            for row in range(rows):
+                for j in range(inside):
+                    out[first + row] += state.matrix[row, column + j] * values[j]
+        return out
 
     def _of_filtered(self, state: BlockState, spikes: FloatArray) -> FloatArray:
         """The value W s of filtered spikes, W with what the last error teaches."""
@@ -198,7 +262,7 @@ class Decoder(Solved):
     ) -> None:
         if not state.by_spikes and len(state.b) > 0:
             # A filter of the first order needs its input no more.
-            decoded = value if len(state.b) == 1 else decode(state.weights, spikes, state.groups)
+            decoded = value if len(state.b) == 1 else self._decoded(state, spikes)
             remember(state.filtered, state.a, state.b, decoded, value)
         if state.rule != "" or state.by_spikes:
             follow(state.activity, spikes, state.quick)

@@ -31,6 +31,7 @@ from blocks.core import (
 from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
 from blocks.neural.emission import emit_poisson, emit_regular, emit_stochastic
+from blocks.neural.models import Direct
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
 from blocks.neural.rules import EncoderRule, Voja, follow, share_of_spikes, voja_step
@@ -128,7 +129,10 @@ class Ensemble(Block):
     def sizes(self) -> dict[str, int]:
         sizes = {"neurons": self.neurons}
         if self.groups:
-            sizes |= {"groups": self.groups, "total": self.neurons * self.groups}
+            sizes["groups"] = self.groups
+            # Without neurons, there is one number for each dimension.
+            if not self.direct:
+                sizes["total"] = self.neurons * self.groups
         if self.dimensions is not None:
             sizes["d"] = self.dimensions
         return sizes
@@ -139,16 +143,31 @@ class Ensemble(Block):
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         groups = self.groups or lengths.get("d", 0)
-        total = groups * self.neurons
+        total = lengths.get("d", 0) if self.direct else groups * self.neurons
         # With ``groups: 0`` nothing is known before the length of the input is.
-        inferred = {"groups": groups, "total": total} if groups else {}
-        if groups:
+        inferred = {"groups": groups} if groups else {}
+        if total:
+            inferred["total"] = total
             inferred["learners"] = 0 if self.learning is None else total
         if "d" in lengths:
             inferred["per_group"] = max(1, lengths["d"] // groups)
         return inferred
 
+    @property
+    def direct(self) -> bool:
+        """Whether there are no neurons."""
+        return isinstance(self.neuron, Direct)
+
+    def each(self, d: int) -> int:
+        """The neurons of a group of d dimensions; without neurons, its numbers."""
+        return d if self.direct else self.neurons
+
     def validate(self) -> None:
+        if self.direct:
+            wrong = [n for n in ("gain", "noise", "learning") if self.value(n) is not None]
+            if wrong:
+                message = "Direct has no neurons that this could act on"
+                raise ParameterError([(name, message) for name in wrong])
         if (self.gain is None) != (self.bias is None):
             missing = "bias" if self.bias is None else "gain"
             raise ParameterError([(missing, "gain and bias go together; give both or neither")])
@@ -162,6 +181,9 @@ class Ensemble(Block):
         if d % groups:
             message = f"{d} dimensions cannot be divided evenly among {groups} groups"
             raise ParameterError([("groups", message)])
+        if self.direct and len(context.terms["current"]):
+            message = "Direct has no neurons that a current could flow into; remove the wire"
+            raise ParameterError([("neuron", message)])
         too_long = self.neuron.too_long(context.dt)
         if too_long:
             problems.append(("neuron", f"{too_long}; give the block a smaller dt"))
@@ -188,8 +210,11 @@ class Ensemble(Block):
         state.recovery[:] = self.neuron.initial_recovery
         # One row of encoders per dimension of a group, for all neurons.
         state.scaled_encoders[...] = (drawn["encoders"] / self.radius * state.gain[:, None]).T
-        state.row_groups = state.scaled_encoders.reshape(d, groups, self.neurons)
-        state.drive_of_groups = state.drive.reshape(groups, self.neurons)
+        if self.direct:
+            state.scaled_encoders[...] = drawn["encoders"].T  # no rounding of the radius
+        state.each = self.each(d)
+        state.row_groups = state.scaled_encoders.reshape(d, groups, state.each)
+        state.drive_of_groups = state.drive.reshape(groups, state.each)
         state.point, state.further = np.zeros((groups, d)), range(1, d)
         state.step, state.constants = type(self.neuron).step, self.neuron.constants
         state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
@@ -241,6 +266,8 @@ class Ensemble(Block):
         return EnsembleStack(blocks, states, arrays)
 
     def facts(self, state: BlockState) -> Mapping[str, float]:
+        if self.direct:
+            return {"neurons": 0, "synapses": 0}
         return {"neurons": state.gain.size, "synapses": state.scaled_encoders.size}
 
     def tuning(self, state: BlockState) -> Tuning:
@@ -257,6 +284,10 @@ class Ensemble(Block):
 
         So fixing one quantity does not change the others.
         """
+        if self.direct:
+            n = groups * d
+            numbers = {"gain": np.full(n, self.radius), "bias": np.zeros(n), "voltage": np.zeros(n)}
+            return {**numbers, "encoders": np.tile(np.eye(d), (groups, 1))}
         n = self.neurons * groups
         problems: list[tuple[str, str]] = []
 
@@ -355,11 +386,11 @@ class Ensemble(Block):
                         point[g, j] += term[g * len(rows) + j]
         for g in range(len(point)):
             row, value = rows[0], point[g, 0]
-            for i in range(g * self.neurons, (g + 1) * self.neurons):
+            for i in range(g * state.each, (g + 1) * state.each):
                 drive[i] = state.bias[i] + row[i] * value
             for j in range(1, len(rows)):
                 row, value = rows[j], point[g, j]
-                for i in range(g * self.neurons, (g + 1) * self.neurons):
+                for i in range(g * state.each, (g + 1) * state.each):
                     drive[i] += row[i] * value
         if len(current) > 0:
             for straight in current:

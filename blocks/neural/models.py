@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from blocks.core import FloatArray, kernel_of, param, portable
-from blocks.neural.neurons import NeuronModel, RateModel, independent
+from blocks.neural.neurons import NeuronModel, NeuronStep, RateModel, independent
 
 # exp(700) is about 1e304: a rate below 1e-300 Hz, where exp(710) would overflow.
 LARGEST_EXPONENT = 700.0
@@ -223,3 +223,31 @@ class Izhikevich(NeuronModel):
     @property
     def fastest(self) -> float:
         return 1000.0
+
+
+@independent
+def direct_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """The current, which is the represented value itself."""
+    spikes[...] = current
+
+
+class Direct(NeuronModel):
+    """No neurons: the value itself, of which decoders compute their functions exactly."""
+
+    spiking = False
+    initial_voltage = "0"
+    step = staticmethod(direct_step)
+
+    def rates(self, current: FloatArray) -> FloatArray:
+        return current
+
+    def stacked(self, each: int) -> NeuronStep | None:
+        return None

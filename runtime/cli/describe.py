@@ -70,7 +70,7 @@ a pose, a `raster` of spikes, a `heatmap` of many columns, and a `timeseries` of
 """
 COMMON_DOC = {
     "title": "`title` (a string): default: the name of the plot",
-    "labels": "`labels` (texts): names of the lines, in their order",
+    "labels": "`labels` (strings): names of the lines, in their order",
 }
 
 GALLERY = """# Examples of other packages

@@ -416,7 +416,8 @@ class Translator:
         if function in self.names:
             return self.names[function]
         if not isinstance(function, types.FunctionType) or function.__closure__:
-            raise NotCompilableError(f"'{getattr(function, '__name__', function)}' is no function")
+            named = getattr(function, "__name__", function)
+            raise NotCompilableError(f"'{named}' is not a function")
         name = function.__name__
         while name in self.names.values() or name in PRIMITIVES.values():
             name += "_"

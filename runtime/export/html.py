@@ -26,7 +26,7 @@ from runtime.export.layout import Layout
 from runtime.export.names import member_name
 from runtime.export.selection import named_blocks, select
 from runtime.export.shown import Shown, shown
-from runtime.export.sliders import sliders, usual
+from runtime.export.sliders import Slider, sliders, usual
 from runtime.export.units import Units, write_units
 from runtime.export.wasm import module
 from runtime.files import own_file, own_folder, system_errors, write_whole
@@ -72,6 +72,10 @@ def export_page(
     chosen = named_blocks(network, (), ())
     selection = select(network, graph.program().plan, chosen)
     layout = layout_of(graph, selection, NAME, hold=False)
+    found = graph.program().observation
+    plots = shown(found, selection.outputs, _constants(graph), network.types, network.world)
+    if not plots.plots:
+        raise UsageError("--to html: the graph has no plot that a page can draw; add a timeseries")
 
     def prepare(changed: Graph) -> Units:
         program = changed.program()
@@ -81,19 +85,27 @@ def export_page(
         return write_units(again, engine.state.blocks, NAME)
 
     made = sliders(graph, layout, prepare, slider or usual(graph, layout), strict=bool(slider))
-    constants = _constants(graph)
-    plots = shown(
-        graph.program().observation, selection.outputs, constants, network.types, network.world
-    )
-    if not plots.plots:
-        raise UsageError("--to html: the graph has no plot that a page can draw; add a timeseries")
     packed = gzip.compress(module(_c_text(layout, plots)), 9, mtime=0)
-    data = {
-        "title": network.title,
-        "dt": network.dt,
-        "unit": network.time_unit,
-        "until": network.ticks * network.dt,
-        "ticks": network.ticks,
+    text = _page(graph, _data(layout, plots, made), packed, plots)
+    file = f"{name or member_name(network.title)}.html"
+    with system_errors(f"write to '{folder}'"):
+        place = own_folder(Path(folder))
+        write_whole(own_file(place / file), text)
+    report = [f"{network.title}: {len(plots.plots)} plots, {len(made)} sliders"]
+    report += [f"  slider {s.label}: {s.numbers[0]:g} to {s.numbers[-1]:g}" for s in made]
+    report += [f"  not drawn in a page: {title}" for title in plots.left_out]
+    sizes = len(text) / 1000, len(packed) / 1000
+    report.append("  {:.0f} kB, of which {:.0f} kB are the module".format(*sizes))
+    outputs = tuple(map(".".join, selection.outputs))
+    return Exported(place, (file,), "\n".join(report) + "\n", (), outputs)
+
+
+def _data(layout: Layout, plots: Shown, made: Sequence[Slider]) -> dict[str, Any]:
+    """What the script of the page reads."""
+    network = layout.selection.network
+    return {
+        **{"title": network.title, "dt": network.dt, "unit": network.time_unit},
+        **{"until": network.ticks * network.dt, "ticks": network.ticks},
         "every": max(1, math.ceil(network.ticks / ROWS)),
         "columns": ["t", *(f"{block}.{port}[{i}]" for (block, port), i in plots.columns)],
         "plots": plots.plots,
@@ -101,21 +113,6 @@ def export_page(
         "parameters": max(1, sum(each.size for each in layout.parameters.values())),
         "stopped": layout.failures[("stopped",)][0],
     }
-    text = _page(graph, data, packed, plots)
-    file = f"{name or member_name(network.title)}.html"
-    with system_errors(f"write to '{folder}'"):
-        place = own_folder(Path(folder))
-        write_whole(own_file(place / file), text)
-    report = [f"{network.title}: {len(plots.plots)} plots, {len(made)} sliders"]
-    report += [
-        f"  slider {each.label}: {each.numbers[0]:g} to {each.numbers[-1]:g}" for each in made
-    ]
-    report += [f"  not drawn in a page: {title}" for title in plots.left_out]
-    report.append(
-        f"  {len(text) / 1000:.0f} kB, of which {len(packed) / 1000:.0f} kB are the module"
-    )
-    outputs = tuple(map(".".join, selection.outputs))
-    return Exported(place, (file,), "\n".join(report) + "\n", (), outputs)
 
 
 def _constants(graph: Graph) -> dict[Port, np.ndarray[Any, Any]]:

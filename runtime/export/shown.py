@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from runtime.network import first_column
-from runtime.observation import Observation, PlotSpec
-from runtime.observation.probes import Signal
+from runtime.observation import Observation, PlotSpec, Signal
 from runtime.plan import Port
 
 AREAL = ("trajectory", "map")

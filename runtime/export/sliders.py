@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import hint
+from blocks.core import Setting, hint
 from runtime.errors import SpikeblocksError, UsageError
 from runtime.export.layout import Layout
 from runtime.export.units import Units
@@ -77,8 +77,7 @@ def usual(graph: Graph, layout: Layout) -> list[str]:
         for name, declared in entry.cls.spec.params.items():
             value = entry.block.value(name)
             numbers = {f"{block}.{name}": value}
-            if isinstance(value, Mapping):
-                numbers = {f"{block}.{name}.{key}": each for key, each in value.items()}
+            numbers |= {f"{block}.{name}.{key}": each for key, each in _written(value).items()}
             found += [
                 f"{address}={low!r}..{high!r}"
                 for address, number in numbers.items()
@@ -86,6 +85,12 @@ def usual(graph: Graph, layout: Layout) -> list[str]:
                 for low, high in [_range(number, declared)]
             ]
     return found
+
+
+def _written(value: Any) -> Mapping[str, Any]:
+    """The names with their values of a parameter that has such; otherwise none."""
+    written = value.written() if isinstance(value, Setting) else value
+    return written if isinstance(written, Mapping) else {}
 
 
 def _range(value: float, declared: Any) -> tuple[float, float]:
@@ -165,7 +170,7 @@ def _found(graph: Graph, name: str) -> tuple[str, float, Any]:
         parameter, _, key = plain.removeprefix(f"{block}.").partition(".")
         if plain.startswith(f"{block}.") and parameter in entries[block].cls.spec.params:
             value = entries[block].block.value(parameter)
-            value = value.get(key) if key and isinstance(value, Mapping) else value
+            value = _written(value).get(key) if key else value
             declared = entries[block].cls.spec.params[parameter]
             break
     else:

@@ -1,8 +1,16 @@
 """Models of Nengo as graphs, with Nengo's public interface alone (extra ``nengo``).
 
-A bridge: its door is the verb ``import``, and nothing but the table of verbs names it.
+A bridge: its doors are the verb ``import`` and ``spikeblocks.nengo``, and nothing else names it.
 """
 
+from typing import TYPE_CHECKING
+
+from blocks.lazy import door
 from runtime.nengo.verb import EXAMPLES, HELP, add, run
 
-__all__ = ["EXAMPLES", "HELP", "add", "run"]
+if TYPE_CHECKING:
+    from runtime.nengo.simulator import Simulator
+else:
+    __getattr__ = door(__name__)
+
+__all__ = ["EXAMPLES", "HELP", "Simulator", "add", "run"]

@@ -211,6 +211,10 @@ class _Conversion:
         if key in self.addresses and rule is None:
             return self.addresses[key]
         name = f"{population.name}_{consumer}".rstrip("_")
+        if is_full(source.connection) and rule is not None:
+            # Nengo's rule changes weights that hold the gains, ours those before the gains.
+            message = "a rule on weights of a solver is not read; connect the neurons"
+            raise UsageError(f"{source.connection}: {message}")
         if between_neurons(source.connection) and matrix is None:
             entry = {"type": "Weights", "weights": weights, "synapse": synapse}
             name = self.add(name, entry)
@@ -236,7 +240,7 @@ class _Conversion:
         return address
 
     def learning(self, name: str, source: Decoded, rule: Any) -> None:
-        if is_full(source.connection) or isinstance(rule, (list, tuple, dict)):
+        if isinstance(rule, (list, tuple, dict)):
             raise UsageError(f"{source.connection}: {rule!r} is not read here")
         self.result.blocks[name]["learning"] = rule_entry(rule)
         terms = self.flow.into(source.connection.learning_rule)

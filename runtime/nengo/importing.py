@@ -35,6 +35,11 @@ class Imported:
         return len(self.converted.blocks)
 
     @property
+    def late(self) -> dict[str, tuple[Any, int]]:
+        """For each probe's name Nengo's probe, and how many rows later ours are."""
+        return self.converted.late
+
+    @property
     def notes(self) -> list[str]:
         return self.converted.notes
 

@@ -84,7 +84,9 @@ def rule_entry(rule: Any) -> dict[str, Any]:
     entry: dict[str, Any] = {"rule": label}
     for ours, theirs in names.items():
         value = getattr(rule, theirs)
-        entry[ours] = synapse_entry(value) if ours.endswith("tau") else float(value)
+        if ours.endswith("tau"):
+            value = 0.0 if value is None else synapse_entry(value)
+        entry[ours] = value if ours.endswith("tau") else float(value)
     return entry
 
 

@@ -15,7 +15,7 @@ from runtime.observation.metrics import CRASHED, METRIC_KINDS, OF_RUN, Metric, S
 from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plot_options import CHANGES, Figure
 from runtime.observation.plots import PLOT_KINDS, PlotKind, plot_keys, plot_kind_names
-from runtime.observation.probes import PROBE_KEYS
+from runtime.observation.probes import PROBE_KEYS, Signal
 from runtime.observation.reader import PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
@@ -39,6 +39,7 @@ __all__ = [
     "Recording",
     "RunData",
     "Series",
+    "Signal",
     "StopTest",
     "observe",
     "of_run",

@@ -45,6 +45,8 @@ def draw_xy(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes
     ):
         unit = units[0] if len(set(units)) == 1 else ""
         write(style.axis_label(list(dict.fromkeys(labels)), unit))
+    if pairs and {column[1] for pair in pairs for column in pair[:2]} == {"m"}:
+        axes.set_aspect("equal")  # a plane: a circle is one
     if len(pairs) > 1:
         style.add_legend(axes)
     return axes

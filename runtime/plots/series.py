@@ -113,7 +113,8 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     layers = style.layers([line.y for line in lines])
     overlaps = [0] * len(lines) if many else style.coincident([line.y for line in lines])
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
-        t, y = line.t, line.y
+        is_angle = line.unit == "rad" and not line.held
+        t, y = style.gaps_at_turns(line.t, line.y) if is_angle else (line.t, line.y)
         how: dict[str, Any] = (
             {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, overlaps[i])
         )

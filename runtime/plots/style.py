@@ -267,6 +267,15 @@ def draw_series(
     axes.plot(t, y, **how)
 
 
+def gaps_at_turns(t: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """An angle (rad) that jumps by a turn, with a gap at each jump instead of a vertical line."""
+    jumps = np.flatnonzero(np.abs(np.diff(y)) > np.pi) + 1
+    # What leaves -pi to pi is not wrapped: its jumps are what happened.
+    if not len(jumps) or np.nanmax(np.abs(y)) > np.pi + 1e-6:
+        return t, y
+    return np.insert(t, jumps, t[jumps]), np.insert(y, jumps, np.nan)
+
+
 def duration(time: float, unit: str) -> str:
     """A short time in words: that of seconds in ms."""
     return f"{1e3 * time:.3g} ms" if unit == SECOND else f"{time:.3g} {unit}"

@@ -202,8 +202,8 @@ class Grower:
             elif declared.required and declared.kind == "float":
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
         for name, value in REQUIRED.get(cls.__name__, {}).items():
-            # The functions of a filter may come from a subclass, and are not required.
-            needed = cls.spec.params[name].required or cls.__name__ == "ExtendedKalmanFilter"
+            # What describes a filter's measurement may be among several, and is not required.
+            needed = cls.spec.params[name].required or cls.__name__.endswith("KalmanFilter")
             if needed and name not in found:
                 found[name] = value
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse

@@ -249,7 +249,10 @@ def test_choices() -> None:
         (declared("bool"), "true or false"),
         (declared("str"), "a string"),
         (declared("array"), "an array of numbers"),
-        (declared("array", shape=[(3,), (None, 2)], unit="m"), "an array of 3 or nx2 numbers in m"),
+        (
+            declared("array", shape=[(3,), (None, 2)], unit="m"),
+            "an array of 3 or n x 2 numbers in m",
+        ),
         (declared("str", choices=("a", "b")), "one of a, b"),
     ],
 )

@@ -193,7 +193,7 @@ def test_fixing_one_drawn_quantity_leaves_the_others() -> None:
         ({"max_rates": [200, 600]}, "max_rates: a refractory time of 0.002 s allows less than 500"),
         ({"max_rates": [1, 300]}, "max_rates: these time constants allow more than 1.38.* Hz"),
         ({"intercepts": [0.5, -0.5]}, "intercepts: expected .low, high."),
-        ({"encoders": [1.0, 2.0]}, "encoders: expected an array of neurons or neuronsxn numbers"),
+        ({"encoders": [1.0, 2.0]}, "encoders: expected an array of neurons or neurons x n numbers"),
         ({"neurons": 0}, "neurons: expected an integer at least 1, got 0"),
     ],
 )

@@ -131,7 +131,7 @@ def test_a_wrong_value_is_told_where_it_was_given(graph: runtime.Graph) -> None:
     with pytest.raises(GraphError) as caught:
         changed.check()
     assert str(caught.value) == (
-        "--set double.gain=x: blocks.double.gain: expected a number or an array of n or mxn "
+        "--set double.gain=x: blocks.double.gain: expected a number or an array of n or m x n "
         "numbers, got the string 'x'"
     )
 

@@ -176,7 +176,7 @@ CASES = {
     "parameter required": [
         ("  plant: {type", "  g: {type: Gain}\n  plant: {type"),
         ("wires:\n", "wires:\n  g: {input: lqr.command}\n"),
-        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n or mxn numbers: "
+        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n or m x n numbers: "
         "the factor, one per component, or a matrix by rows",
     ],
     "decimal comma": [
@@ -466,7 +466,7 @@ PARTS = {
     "param of the wrong kind": [
         with_part(("{graph: p.yaml}", "{graph: p.yaml, params: {k: x}}")),
         PART,
-        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n or mxn numbers, "
+        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n or m x n numbers, "
         "got the string 'x'",
     ],
     "param beside params": [

@@ -69,8 +69,8 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
 
 @needs_compiler
 def test_all_trials_have_one_engine() -> None:
-    # Compilation does not pay off for two trials; it does for as many as would take minutes.
-    experiment = read_experiment("line_actuator_failure")
+    # Compilation does not pay off for two short trials; it does for as many as would take minutes.
+    experiment = read_experiment("line_actuator_failure", lambda g: g.set("run.until", 2.0))
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
         plan = sweep_plan(Request.of({"seeds": seeds}).added_to(experiment))
         assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == engine

@@ -622,3 +622,27 @@ def test_block_means_are_means_of_equal_blocks(rows: int, size: int) -> None:
     values = np.random.default_rng(rows).normal(size=(rows, 3))
     expected = [values[i : i + size].mean(axis=0) for i in range(0, rows, size)]
     np.testing.assert_allclose(style.block_means(values, size), expected)
+
+
+def test_a_wrapped_angle_has_gaps_and_a_plane_equal_scales() -> None:
+    graph = {
+        "graph": "g",
+        "run": {"dt": 0.01, "until": 10.0},
+        "blocks": {
+            "turn": {"type": "DifferentialDrive", "x0": [1.0, 0.0, 1.5]},
+            "spin": {"type": "Constant", "value": [1.0, 1.0], "signal": "Twist"},
+        },
+        "wires": {"turn": {"command": "spin.value"}},
+        "plots": {
+            "heading": {"kind": "timeseries", "of": "turn.pose.theta"},
+            "way": {"kind": "xy", "of": ["turn.pose.x", "turn.pose.y"]},
+        },
+    }
+    figures = runtime.load(graph).run().plot()
+    assert figures["way"].axes[0].get_aspect() == 1.0
+    t = np.linspace(0.0, 9.0, 901)
+    wrapped = np.remainder(t + np.pi, 2.0 * np.pi) - np.pi
+    shown = style.gaps_at_turns(t, wrapped)
+    assert np.isnan(shown[1]).sum() == 1 and np.nanmax(np.abs(np.diff(shown[1]))) < 0.02
+    assert style.gaps_at_turns(t, 2.0 * wrapped)[1] is not wrapped
+    np.testing.assert_array_equal(style.gaps_at_turns(t, 2.0 * wrapped)[1], 2.0 * wrapped)

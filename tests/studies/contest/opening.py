@@ -96,7 +96,7 @@ def _rival(limits: Sequence[_Limit]) -> str:
         parts.append(f"{mm(errors[RIVAL])} mm in {named}")
     untuned = limits[0].rival.line(ERROR, 0)["held_out"]["mean"]
     return (
-        f"An {RIVAL} with feedforward and no adaptation, tuned like everyone, is off by "
+        f"An {RIVAL} with feedforward and no adaptation, tuned with the same budget, is off by "
         f"{listed(parts)}; with the gains of the graph, which nobody tuned, by {mm(untuned)} mm in "
         f"{_named(limits[0])}."
     )

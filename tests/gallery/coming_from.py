@@ -1,0 +1,117 @@
+"""``python -m tests.gallery.coming_from``: writes the table of docs/coming-from.md.
+
+Each of Nengo's examples, as :mod:`tests.gallery.nengo_models` has them, is imported and run beside
+Nengo; so are the networks of which the CPU time is measured.
+"""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+import textwrap
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import nengo
+import numpy as np
+
+import runtime
+from runtime.errors import SpikeblocksError
+from runtime.nengo.importing import Imported, import_network, run_both
+from tests.gallery.nengo_models import MODELS
+
+PAGE = Path(__file__).parents[2] / "docs" / "coming-from.md"
+BEGIN, END = "<!-- begin: models of Nengo -->\n", "<!-- end: models of Nengo -->\n"
+SECONDS, SPEED_SECONDS = 0.3, 1.0
+# Of these the CPU time is measured: compiled, of the run alone, and of Nengo's run alone.
+TIMED = ("communication_channel", "learn_communication_channel", "lorenz_attractor")
+
+
+def basal_ganglia_10() -> nengo.Probe:
+    network = nengo.networks.BasalGanglia(10)
+    nengo.Connection(nengo.Node(np.linspace(0.2, 0.8, 10)), network.input, synapse=None)
+    return nengo.Probe(network.output, synapse=0.01)
+
+
+def convolution_16() -> nengo.Probe:
+    network = nengo.networks.CircularConvolution(50, 16)
+    for side in (network.input_a, network.input_b):
+        nengo.Connection(nengo.Node(np.eye(16)[3]), side, synapse=None)
+    return nengo.Probe(network.output, synapse=0.01)
+
+
+FURTHER: dict[str, Callable[[], Any]] = {
+    "basal_ganglia_10": basal_ganglia_10,
+    "convolution_16": convolution_16,
+}
+
+
+def row(name: str, model: Callable[[], Any], folder: Path) -> str:
+    """A line of the table."""
+    with nengo.Network(seed=0) as network:
+        model()
+    theirs = len(textwrap.dedent(inspect.getsource(model)))
+    try:
+        done = import_network(network, folder / f"{name}.yaml", until=SECONDS)
+        redrawn = import_network(network, folder / f"{name}_redrawn.yaml", redraw=True)
+        ours = len(redrawn.files[0].read_text(encoding="utf-8"))
+        equal = compared(done)
+    except SpikeblocksError as error:
+        reason = str(error).splitlines()[0].rpartition(" (")[0] or str(error)
+        reason = reason.rpartition("NotImplementedError: ")[2].replace("|", "/")
+        return f"| {name} | not whole: {reason} | {theirs} | | |"
+    timed = name in TIMED or name in FURTHER
+    speed = f"{ratio(done):.1f}" if timed else ""
+    return f"| {name} | {equal} | {theirs} | {ours} | {speed} |"
+
+
+def compared(done: Imported) -> str:
+    """Whether all spikes are equal, and how large the largest difference of a probe is."""
+    ours, theirs = run_both(done, SECONDS)
+    spikes = [name for name in theirs if name.startswith("spikes of ")]
+    total = sum(int(np.count_nonzero(theirs[name])) for name in spikes)
+    differ = sum(int(np.count_nonzero((ours[n] != 0.0) != (theirs[n] != 0.0))) for n in spikes)
+    probed = [np.abs(ours[n] - theirs[n]).max(initial=0.0) for n in theirs if n not in spikes]
+    told = f"{total} spikes equal" if not differ else f"{differ} of {total} spikes differ"
+    return f"{told}; probes to {max(probed, default=0.0):.0e}"
+
+
+def ratio(done: Imported) -> float:
+    """Nengo's CPU time of a run over ours, compiled, both without what comes before the run."""
+    graph = runtime.load(done.files[0]).set("run.until", SPEED_SECONDS)
+    graph.run(engine="compiled")  # compiles
+    mine = min(_cpu(lambda: graph.run(engine="compiled")) for _ in range(2))
+    with nengo.Simulator(done.network, progress_bar=False) as simulator:
+        return _cpu(lambda: simulator.run(SPEED_SECONDS, progress_bar=False)) / mine
+
+
+def _cpu(run: Callable[[], Any]) -> float:
+    begin = time.process_time()
+    run()
+    return time.process_time() - begin
+
+
+def table() -> str:
+    """The table, of all models."""
+    lines = [
+        "| model | imported | characters in Python | in YAML | times faster |",
+        "|---|---|---|---|---|",
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, model in {**MODELS, **FURTHER}.items():
+            lines.append(row(name, model, Path(folder)))
+            print(lines[-1], flush=True)
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Write the table into the page."""
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    _, _, after = rest.partition(END)
+    PAGE.write_text(f"{before}{BEGIN}{table()}{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""Pages that simulate: in a real browser, equal to a run, with sliders that change the curves."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.errors import UsageError
+from runtime.export.html import export_page
+from runtime.export.shown import plain
+from tests.browser import FLAGS, browser, find
+
+needs_ziglang = pytest.mark.skipif(find_spec("ziglang") is None, reason="needs the extra compiler")
+# Waits until the first run has ended, moves a slider as a hand does, and waits for the second.
+DRIVE = """<!doctype html><meta charset="utf-8"><title>driving</title>
+<iframe src="{page}" style="width: 900px; height: 900px"></iframe><pre></pre>
+<script>
+const frame = document.querySelector("iframe");
+const over = (of) => of.eval("core && isOver() && !page.running");
+async function done(of) {{
+  do await new Promise((go) => setTimeout(go, 50)); while (!over(of));
+}}
+frame.addEventListener("load", async () => {{
+  const of = frame.contentWindow, said = {{}};
+  await done(of);
+  said.first = of.eval("page.columns");
+  const slider = of.document.querySelector("#slider-0");
+  const box = slider.getBoundingClientRect();
+  said.wide = box.width;
+  slider.value = slider.max;
+  slider.dispatchEvent(new of.Event("input", {{bubbles: true}}));
+  await done(of);
+  said.second = of.eval("page.columns");
+  said.ghost = of.eval("page.ghost");
+  said.text = slider.previousElementSibling.textContent;
+  of.document.querySelector("#defaults").click();
+  await done(of);
+  said.third = of.eval("page.columns");
+  of.document.querySelector("#play").click();
+  said.label = of.eval("page.dirty = true, draw(), byId('play').textContent");
+  document.querySelector("pre").textContent = JSON.stringify(said);
+}});
+</script>
+"""
+
+
+def driven(page: Path) -> dict[str, Any]:
+    """What a page computes, before and after its first slider is moved to its end."""
+    outer = page.with_name("outer.html")
+    outer.write_text(DRIVE.format(page=page.as_uri()), encoding="utf-8")
+    with tempfile.TemporaryDirectory() as profile:
+        options = (*FLAGS, "--virtual-time-budget=60000", f"--user-data-dir={profile}")
+        command = [browser(), *options, "--dump-dom", outer.as_uri()]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
+    assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line and "rror" in line]
+    found: dict[str, Any] = json.loads(find(done.stdout, "pre")[0].text)
+    return found
+
+
+@pytest.mark.slow
+@needs_ziglang
+def test_a_page_computes_what_a_run_does(tmp_path: Path) -> None:
+    graph = runtime.load("gallery/van_der_pol")
+    made = export_page(graph, tmp_path, slider=["force.constants.damping=0..2"])
+    said = driven(tmp_path / made.files[0])
+    for key, changed in (
+        ("first", graph),
+        ("second", graph.set("blocks.force.constants.damping", 2.0)),
+        ("third", graph),
+    ):
+        expected = changed.run(engine="compiled")
+        t, position, velocity = map(np.array, said[key])
+        assert np.array_equal(t, expected.probes["position"].t)
+        assert np.array_equal(position, expected["position"])
+        assert np.array_equal(velocity, expected["velocity"])
+    assert said["ghost"] == said["first"]
+    assert said["text"] == "2" and said["wide"] > 100 and said["label"] == "Pause"
+
+
+@pytest.mark.slow
+@needs_ziglang
+def test_numbers_that_follow_from_a_slider_are_those_of_the_changed_graph(tmp_path: Path) -> None:
+    graph = runtime.load("gallery/noise_filter").set("run.until", 2.0)
+    made = export_page(graph, tmp_path, slider=["lowpass.tau=0.01..0.5"])
+    said = driven(tmp_path / made.files[0])
+    for key, tau in (("first", None), ("second", 0.5)):
+        changed = graph if tau is None else graph.set("blocks.lowpass.tau", tau)
+        result = changed.run(engine="compiled")
+        names = json.loads(
+            (tmp_path / made.files[0])
+            .read_text()
+            .split("const DATA = ")[1]
+            .split(";\nconst MODULE")[0]
+        )["columns"]
+        column = np.array(said[key][names.index("lowpass.out[0]")])
+        probe = next(p for p in result.probes.values() if "lowpass.out" in p.addresses)
+        rows = result.probes[probe.name].column("lowpass.out")
+        np.testing.assert_allclose(column[: len(rows)], rows.ravel()[: len(column)], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("slider", "said"),
+    [
+        ("force=0", "expected NAME=LOW..HIGH such as gain.gain=0..2, got 'force=0'"),
+        ("force.gain=2..1", "expected NAME=LOW..HIGH"),
+        ("positon.initial=0..1", "did you mean 'position.initial'?"),
+        ("position.initial=0..2", "which a step does not take from its parameters"),
+        ("force.names=0..2", "is not a number"),
+    ],
+)
+def test_a_slider_that_cannot_be_says_why(slider: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as error:
+        export_page(runtime.load("gallery/van_der_pol"), tmp_path / "out", slider=[slider])
+    assert said in str(error.value) and not (tmp_path / "out").exists()
+
+
+def test_labels_lose_the_marks_of_formulas() -> None:
+    assert plain(r"$e_\theta$") == "e_θ"
+    assert plain("speed") == "speed"
