@@ -79,6 +79,46 @@ PICTURES = {
         "error of the estimator over time: small with each fix used once, large and periodic with "
         "held fixes taken for new",
     ),
+    "paper_head_direction_drift.png": of_study(
+        "head_direction",
+        "drift",
+        "drift of a ring over its number of neurons: falling, and far lower with regular spikes",
+    ),
+    "paper_head_direction_direction.png": of_study(
+        "head_direction",
+        "direction",
+        "error of the direction over time: a walk with Poisson spikes, near zero with regular ones",
+    ),
+    "paper_gated_memory_capacity.png": of_study(
+        "gated_memory",
+        "capacity",
+        "share of items that are recalled, falling with their number, lower with an open gate",
+    ),
+    "paper_gated_memory_dimensions.png": of_study(
+        "gated_memory",
+        "dimensions",
+        "the same in 16 dimensions: falling earlier",
+    ),
+    "paper_associations_recall.png": of_study(
+        "associations",
+        "recall",
+        "error of recall over the number of pairs: about a third with encoders that learn",
+    ),
+    "paper_associations_learning.png": of_study(
+        "associations",
+        "learning",
+        "error over time: falling within each pair, and from round to round",
+    ),
+    "paper_curl_field_last.png": of_study(
+        "curl_field",
+        "last",
+        "deviation in the field after training: small if the torque is learnt",
+    ),
+    "paper_curl_field_after_effect.png": of_study(
+        "curl_field",
+        "after_effect",
+        "deviation without the field after training: large if the torque was learnt",
+    ),
     "linear_step.png": of_pole("--inputs wanted.out --outputs cart.position,cart.angle"),
     "linear_margins.png": of_pole("--open lqr.command --margins"),
     "linear_nyquist.png": of_pole("--open lqr.command --nyquist"),

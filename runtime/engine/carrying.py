@@ -57,16 +57,11 @@ class Carried:
 def carried(engine: Engine) -> Carried:
     """What another engine needs to go on."""
     state = engine.state
-    generators = {
-        f"{name}.{key}": generator.bit_generator.state
-        for name in state.blocks
-        for key, generator in state.generators(name).items()
-    }
     return Carried(
         state.tick,
         state.copies(),
         {signal.key: value for signal, value in zip(engine.plan.held, state.held, strict=True)},
-        generators,
+        state.drawn(),
         {name: state.own_copies(name) for name in state.own},
         engine.recorder.saved(state.tick),
         None if engine.log is None else engine.log.copy(),

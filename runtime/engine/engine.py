@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from blocks.core import FloatArray
+from blocks.core import Block, FloatArray, retune
 from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.events import FOUND, TICK, TIME
@@ -282,6 +282,42 @@ class Engine:
         text = str(error) if is_message else described(error)
         network, tick = self.network, self.state.tick
         return SimulationError(block, tick, tick * network.dt, text, network.time_unit)
+
+    def retune(self, name: str, block: Block) -> bool:
+        """Give a block other parameters before the next tick, without a new engine.
+
+        Returns whether that is possible; if not, nothing has changed. It is not of blocks of the
+        user's own, of those that others have read from when they started, and of what the Python
+        engine computes together.
+
+        Parameters
+        ----------
+        block : of the same type, with other values of tunable parameters.
+        """
+        entry, state = self.network.entries[name], self.state.blocks[name]
+        publishes = any(port.publishes for port in entry.cls.spec.outputs.values())
+        is_together = self.exact is None and self.state.is_together(name)
+        if name in self.state.own or publishes or is_together:
+            return False
+        entries = {**self.network.entries, name: replace(entry, block_or_none=block)}
+        network, variable = self.network.changed(entries=entries), self.program.names.blocks[name]
+        try:
+            retune(block, state)
+        except Exception:  # noqa: BLE001 -- what is wrong is said by who makes a new engine
+            return False
+        before, self.namespace[variable] = self.namespace[variable], block
+        self.starting.network = network
+        constants = [c for c in self.plan.evaluations if c.gate.once and c.block == name]
+        for call in constants:
+            self.starting.compute_constants(call)
+        if self.exact is not None and not self.exact.compiled.retune(network, name):
+            retune(before, state)
+            self.namespace[variable], self.starting.network = before, self.network
+            for call in constants:
+                self.starting.compute_constants(call)
+            return False
+        self.network = self.diagnosis.network = network
+        return True
 
     def final_states(self) -> dict[str, FloatArray]:
         """Copies of the states by ``block.state``, as far as ``run.states`` keeps them."""

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from blocks.core import BlockState
 from runtime.engine.program import FILENAME, Program
 from runtime.engine.state import Array, Held
+from runtime.network import Network
 
 Progress = Callable[[int, int], None]
 Run = Callable[[int, int, Held], Held]
@@ -62,6 +63,9 @@ class CompiledPlan(Runner, Protocol):
 
     def read(self, block: str, port: str) -> Any:
         """An output as it is now, in the form that Python blocks take."""
+
+    def retune(self, network: Network, name: str) -> bool:
+        """Take over a block's new numbers; False if its compiled text has the old ones."""
 
     def integrate(self, scope: dict[str, Any]) -> bool:
         """Integrate the first tick, if that is compiled; ``scope`` are its variables."""

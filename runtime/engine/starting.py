@@ -87,7 +87,7 @@ class Start:
             self.namespace[initial] = SimpleNamespace(**copies)
         for call in self.plan.evaluations:
             if call.gate.once:
-                self._compute_constants(call)
+                self.compute_constants(call)
         return self.namespace
 
     def solve(self) -> list[Problem]:
@@ -152,7 +152,7 @@ class Start:
         except BaseException as error:
             raise SimulationError(block, 0, 0.0, described(error)) from error
 
-    def _compute_constants(self, call: Call) -> None:
+    def compute_constants(self, call: Call) -> None:
         """Call a method whose outputs never change, and record them."""
         method = getattr(self.network.entries[call.block].block, call.method)
         value = self.guard(call.block, partial(method, self.state.blocks[call.block], 0.0))

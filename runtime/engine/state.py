@@ -196,6 +196,10 @@ class RunState:
         start, shape = self.layout[name]
         return self.memory[start : start + math.prod(shape)].reshape(shape)
 
+    def is_together(self, name: str) -> bool:
+        """Whether a block is computed together with others."""
+        return name in self._place
+
     def stacks(self) -> dict[str, Any]:
         """What computes equal blocks together, by its name in the plan's text."""
         found = {}
@@ -215,11 +219,7 @@ class RunState:
         apart = {
             f"{name}.{key}": (a, a.copy()) for name in self.own for key, a in self._apart(name)
         }
-        generators = {
-            f"{name}.{key}": generator.bit_generator.state
-            for name in self.blocks
-            for key, generator in self.generators(name).items()
-        }
+        generators = self.drawn()
         others = tuple(map(self._others, sorted(self.own - self.compiled)))
         numbers = None if self.numbers is None else self.numbers.copy()
         memory = self.memory.copy()
@@ -263,6 +263,19 @@ class RunState:
                 found[key] = copy.deepcopy(held[key])
             except Exception:  # noqa: BLE001 -- copying runs code of the object
                 found[key] = held[key]
+        return found
+
+    def drawn(self) -> dict[str, Mapping[str, Any]]:
+        """The states of all bit generators, by ``block.attribute``."""
+        found = {}
+        # In one pass, since most blocks have none: this is a part of every snapshot.
+        for name, state in self.blocks.items():
+            held = state.__dict__
+            if "rng" in held:
+                found[f"{name}.rng"] = held["rng"].bit_generator.state
+        for name in self.own:
+            for key, generator in self.generators(name).items():
+                found[f"{name}.{key}"] = generator.bit_generator.state
         return found
 
     def generators(self, name: str) -> dict[str, np.random.Generator]:

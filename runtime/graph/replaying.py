@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from blocks.core import FloatArray, show
+from blocks.core import FloatArray, hint
 from runtime.errors import UsageError
 from runtime.files import check_form, read_text
 from runtime.graph.graph import Graph
@@ -61,7 +61,8 @@ def open_session(folder: str | Path) -> Session:
     session = load(place / GRAPH).session(keep=stored["keep"])
     for each in stored["changes"]:
         if each["call"] not in CALLS:
-            raise UsageError(f"'{path}': a session has no method {show(each['call'])}")
+            call = each["call"]
+            raise UsageError(f"'{path}': a session has no method '{call}'{hint(call, CALLS)}")
         session.step(each["tick"] - session.tick)
         getattr(session, each["call"])(*each["arguments"])
     return session.step(stored["ticks"] - session.tick)

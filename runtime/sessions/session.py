@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from blocks.core import hint, show
+from blocks.core import ParameterError, hint
 from runtime.document import dump_yaml
 from runtime.engine import Carried, Engine, Reader, adopt, adopt_changed, carried
 from runtime.errors import SimulationError, UsageError
@@ -45,7 +46,7 @@ class ChangeableGraph(Protocol):
     def texts(self) -> Mapping[str, bytes]: ...
     def prepared(self, *, growing: bool) -> PreparedRun: ...
     def check(self) -> Any: ...
-    def set(self, path: str, value: Any) -> Any: ...
+    def set(self, path: str, value: Any, *, origin: str) -> Any: ...
     def to_dict(self, *, modules: bool) -> dict[str, Any]: ...
 
 
@@ -99,6 +100,8 @@ class Session:
         self._graph = graph
         self._began = datetime.now().astimezone()
         self._log: list[Change] = []
+        # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
+        self._unwritten: dict[str, Any] = {}
         self._failed: SimulationError | None = None
         self._begin(self._prepared(graph))
 
@@ -122,6 +125,9 @@ class Session:
     @property
     def graph(self) -> ChangeableGraph:
         """The graph with all changes so far."""
+        for path, value in self._unwritten.items():
+            self._graph = self._graph.set(path, value, origin=f"set {path}")
+        self._unwritten.clear()
         return self._graph
 
     @property
@@ -143,8 +149,7 @@ class Session:
 
     def step(self, ticks: int = 1) -> Session:
         """Do some ticks; returns itself."""
-        if self._failed is not None:
-            raise self._failed
+        self._check()
         last = self.tick + ticks
         if last > self._engine.network.ticks:
             self._extend(last)
@@ -155,6 +160,11 @@ class Session:
             error.result = self.result()
             raise
         return self
+
+    def _check(self) -> None:
+        """Raise the failure that left a tick half done; a snapshot can be restored."""
+        if self._failed is not None:
+            raise self._failed
 
     # Signals
 
@@ -167,20 +177,24 @@ class Session:
         ------
         UsageError : there is no such address.
         """
-        network = self._engine.network
-        end = output_at(network, address)
-        kind = network.types.get((end.block, end.port))
+        if address not in self._readers:
+            self._readers[address] = self._reader_of(address)
+        value = self._readers[address]()
+        return float(value) if np.ndim(value) == 0 else np.array(value, dtype=np.float64)
+
+    def _reader_of(self, address: str) -> Callable[[], Any]:
+        """What reads an address in the present engine."""
+        engine = self._engine
+        end = output_at(engine.network, address)
+        kind = engine.network.types.get((end.block, end.port))
         if kind is None:
-            array = np.asarray(getattr(self._engine.state.blocks[end.block], end.port))
-            value = (
-                array[tuple(int(i) for i in end.component.split("."))] if end.component else array
-            )
-        else:
-            signal = Signal(end.block, end.port, kind)
-            value = np.asarray(self._reader.read(signal), dtype=np.float64)
-            if end.component:
-                value = value[Source(signal, end.component).columns]
-        return float(value) if np.ndim(value) == 0 else np.array(value)
+            array = getattr(engine.state.blocks[end.block], end.port)
+            return lambda: array[int(end.component)] if end.component else array
+        signal, read = Signal(end.block, end.port, kind), Reader(engine).read
+        if not end.component:
+            return partial(read, signal)
+        columns = Source(signal, end.component).columns
+        return lambda: np.asarray(read(signal))[columns]
 
     def write(self, port: str, value: Any) -> None:
         """Set an input of the graph, from the next tick on.
@@ -189,34 +203,57 @@ class Session:
         ------
         UsageError : there is no such input, or the value is out of its bounds.
         """
-        self._write(port, value)
-        self._note("write", port, np.asarray(value, dtype=np.float64).tolist())
-
-    def _write(self, port: str, value: Any) -> None:
+        self._check()
         inputs = self._engine.network.inputs
         if port not in inputs:
-            known = hint(port, inputs) or (
-                f"; the inputs are {', '.join(inputs)}" if inputs else ""
-            )
-            none = "; a graph's own inputs are declared in its section 'inputs'" * (not inputs)
-            raise UsageError(f"the graph has no input {show(port)}{known}{none}")
+            known = hint(port, inputs) or f"; its inputs are {', '.join(inputs)}"
+            known = known if inputs else "; a graph's inputs are declared in its section 'inputs'"
+            raise UsageError(f"the graph has no input '{port}'{known}")
         declared = inputs[port]
         try:
             array = declared.value(value)
         except ValueError as error:
             raise UsageError(str(error)) from None
         self._engine.state.blocks[declared.end.block].value[...] = array
+        self._log.append(Change(self.tick, "write", (port, array.tolist())))
 
     # Changes
 
     def set(self, path: str, value: Any) -> None:
         """Change one entry of the graph, such as ``fault.gain``, from the next tick on.
 
+        Tunable parameters, see ``runtime blocks TYPE``, change in the running engine; for others,
+        there is a new one.
+
         Raises
         ------
         GraphError : it is wrong; the session stays as it was. So for the other changes.
         """
-        self._change("set", path, value)
+        self._check()
+        if self._retune(path, value):
+            self._note("set", path, value)
+        else:
+            self._change("set", path, value)
+
+    def _retune(self, path: str, value: Any) -> bool:
+        """Change a tunable parameter in the running engine; False if that is not possible."""
+        name, _, parameter = path.removeprefix("blocks.").rpartition(".")
+        entry = self._engine.network.entries.get(name)
+        numbers = isinstance(value, (bool, int, float, np.ndarray)) or (
+            isinstance(value, list) and np.asarray(value).dtype.kind in "if"
+        )
+        if entry is None or not numbers or not entry.block.is_tunable(parameter):
+            return False
+        try:
+            block = type(entry.block)(**{**entry.block.parameters(), parameter: value})
+            block.validate_in(self._engine.program.contexts[name])
+        except ParameterError:
+            return False  # said, with its place, by the check of the changed graph
+        if not self._engine.retune(name, block):
+            return False
+        self._unwritten[path] = value
+        self._readers.clear()
+        return True
 
     def wire(self, consumer: str, source: str | Sequence[str] | None) -> None:
         """Connect an input to another source: ``wire("snn.error", "error.heading")``."""
@@ -239,7 +276,8 @@ class Session:
         self._change("overlay", source)
 
     def _change(self, call: str, *arguments: Any) -> None:
-        graph = getattr(self._graph, call)(*arguments)
+        self._check()
+        graph = getattr(self.graph, call)(*arguments)
         graph.check()
         if graph.network.dt != self._engine.network.dt:
             raise UsageError("run.dt cannot change in a session: ticks count its time")
@@ -253,7 +291,7 @@ class Session:
         """Plan for a longer time: edges of sources are known up to ``run.until``."""
         network = self._engine.network
         until = max(last, 2 * network.ticks) * network.dt
-        self._move_to(self._graph.set("run.until", until))
+        self._move_to(self.graph.set("run.until", until, origin="until"))
 
     def _move_to(self, graph: ChangeableGraph) -> None:
         """Go on in an engine for a changed graph; nothing changes if it cannot start."""
@@ -266,15 +304,14 @@ class Session:
 
     def snapshot(self) -> SessionSnapshot:
         """The present state, recordings included."""
-        if self._failed is not None:
-            raise self._failed
+        self._check()
         return SessionSnapshot(
-            self.t, self._graph, self._engine, carried(self._engine), tuple(self._log)
+            self.t, self.graph, self._engine, carried(self._engine), tuple(self._log)
         )
 
     def restore(self, saved: SessionSnapshot) -> None:
         """Go back, or forth, to a snapshot of this session or of one that it was branched from."""
-        same = saved.engine is getattr(self, "_engine", None)
+        same = saved.engine is self._engine and saved.graph is self.graph
         engine = saved.engine if same else self._prepared(saved.graph)
         adopt(engine, saved.carried)
         self._graph, self._log = saved.graph, list(saved.log)
@@ -284,14 +321,18 @@ class Session:
         """Another session that goes on from here, independent of this one."""
         other = Session.__new__(Session)
         other.first, other.keep, other._began = self.first, self.keep, self._began
-        other.restore(self.snapshot())
+        saved = self.snapshot()
+        other._log, other._graph, other._unwritten = list(saved.log), saved.graph, {}
+        engine = self._prepared(saved.graph)
+        adopt(engine, saved.carried)
+        other._begin(engine)
         return other
 
     # Results
 
     def result(self) -> Result:
         """What was recorded up to now, with metrics and plots; the session can go on."""
-        prepared = self._graph.prepared(growing=True)
+        prepared = self.graph.prepared(growing=True)
         return result_of(prepared, self._engine, self._engine.finish(), self._began)
 
     def save(self, folder: str | Path) -> Path:
@@ -341,5 +382,6 @@ class Session:
         return engine
 
     def _begin(self, engine: Engine) -> None:
-        self._engine, self._reader = engine, Reader(engine)
+        self._engine = engine
+        self._readers: dict[str, Callable[[], Any]] = {}
         self._failed = None

@@ -47,7 +47,8 @@ def run(options: Namespace) -> int:
     if options.json:
         show_json({"ticks": session.tick, "changes": len(session.log), "different": different})
     else:
-        show(f"{result.title}: {session.tick} ticks, {len(session.log)} changes")
+        count = len(session.log)
+        show(f"{result.title}: {session.tick} ticks, {count} change{'s' * (count != 1)}")
         equal = "all recordings have the bits that were saved"
         show(f"different: {', '.join(different)}" if different else equal)
     return 1 if different else 0

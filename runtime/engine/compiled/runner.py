@@ -26,6 +26,8 @@ from runtime.engine.compiled.signals import FAILED, FINISHED, NOT_FINITE, STOPPE
 from runtime.engine.program import Program
 from runtime.engine.runners import CompiledError, RunContext
 from runtime.engine.state import Array, Held
+from runtime.network import Network
+from runtime.plan import Call, Integrate, Port, calls_in
 from runtime.toolchain import QUICK, THOROUGH, Builder, BuildError, TranslationUnit, folder
 
 DRIVER = "<the loop around the compiled plan>"
@@ -167,27 +169,30 @@ class CompiledRunner:
         self.places = Words(self.struct.words)
         self.blocks: Collection[str] = self.kernels.compiled.keys()
         self.memory = Context()
-        self.fields = [self._pointer(name, *to) for name, to in self.struct.pointers.items()]
-        for name, block in self.struct.inside.items():
-            start, size = self.struct.places[name]
-            words = self._fields(block)
-            self.places.ints[start : start + size] = words.ints
-            self.fields.append(words)
+        # The structs of blocks, in memory of their own or as a copy in that of the plan.
+        self.fields: dict[str, Words] = {}
+        self.constants: dict[Port, Array] = {}
+        for name, to in self.struct.pointers.items():
+            self._pointer(name, *to)
+        for block in self.struct.inside.values():
+            self.fields[block] = Words(self.kernels.compiled[block].words)
+        for block in self.fields:
+            self._fill(block)
         self.addresses = (self.numbers.ctypes.data, self.places.address, self.memory.address)
         self.slow = [signal.key for signal in context.program.plan.held]
         self.drive = self._driver() if self.text.driver else partial(self._part, low=0, high=1)
 
-    def _pointer(self, name: str, kind: str, owner: str, state: str) -> Words | None:
+    def _pointer(self, name: str, kind: str, owner: str, state: str) -> None:
         """Fill a member of the plan's places that is an address."""
         at, _ = self.struct.places[name]
         if kind == "fields":
-            words = self._fields(owner)
-            self.places.point(at, words.ints)
-            return words
+            self.fields[owner] = Words(self.kernels.compiled[owner].words)
+            self.places.point(at, self.fields[owner].ints)
+            return
         value = self.context.namespace[owner] if kind == "array" else None
         if kind == "signal":
             value = self.context.namespace[self.context.program.names.signals[owner, state]]
-            value = np.array(value, dtype=np.float64, ndmin=1)
+            value = self.constants[owner, state] = np.array(value, dtype=np.float64, ndmin=1)
         if kind == "open":
             value = np.full(*self.struct.defaults[name])
         if kind == "initial":
@@ -196,14 +201,38 @@ class CompiledRunner:
         if kind == "state":
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.places.point(at, np.asarray(value))
-        return None
 
-    def _fields(self, block: str) -> Words:
-        """The struct of a block."""
-        kernel, made = self.kernels.compiled[block], self.network.entries[block].block
-        words = Words(kernel.words)
-        words.fill(kernel.fields(made, self.context.states[block]))
-        return words
+    def _fill(self, name: str) -> None:
+        """Fill the struct of a block."""
+        block, state = self.network.entries[name].block, self.context.states[name]
+        words = self.fields[name]
+        words.fill(self.kernels.compiled[name].fields(block, state))
+        for member, inside in self.struct.inside.items():
+            if inside == name:
+                start, size = self.struct.places[member]
+                self.places.ints[start : start + size] = words.ints
+
+    def retune(self, network: Network, name: str) -> bool:
+        """Take over a block's new numbers; False if its compiled text has the old ones."""
+        block, kernel = network.entries[name].block, self.kernels.compiled.get(name)
+        if kernel is None and any(not call.gate.once for call in self._calls(name)):
+            return False  # it is called from Python
+        if kernel is not None and not kernel.fits(block, self.context.states[name]):
+            return False
+        self.network = network
+        if name in self.fields:
+            self._fill(name)
+        for (owner, port), array in self.constants.items():
+            if owner == name:
+                value = self.context.namespace[self.context.program.names.signals[name, port]]
+                array[...] = np.array(value, dtype=np.float64, ndmin=1)
+        return True
+
+    def _calls(self, name: str) -> list[Call]:
+        """The calls of a block in a tick, those between ticks included."""
+        operations = self.context.program.plan.operations
+        between = [each.between for each in operations if isinstance(each, Integrate)]
+        return [c for part in (operations, *between) for c in calls_in(part) if c.block == name]
 
     def store(self, member: str, value: Any) -> None:
         """Write an output into the plan's struct."""

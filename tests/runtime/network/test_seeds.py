@@ -59,7 +59,9 @@ def test_defaults_give_all_blocks_of_a_type_a_seed() -> None:
 def test_a_seed_is_a_factor_that_is_crossed_with_the_runs_seeds() -> None:
     one = graph({}, {}, metrics={"a": {"kind": "rms", "of": "a"}, "n": {"kind": "rms", "of": "n"}})
     swept = runtime.sweep(one, {"a.seed": [1, 2]}, seeds="0..1")
-    rows = [(row["a.seed"], row["seed"], row["a"], row["n"]) for row in swept.trials]
+    rows = [
+        (row.values["a.seed"], row.seed, row.metrics["a"], row.metrics["n"]) for row in swept.trials
+    ]
     by = {(factor, seed): (a, n) for factor, seed, a, n in rows}
     # The noise `a` follows its own seed alone, and `n` the run's.
     assert by[1, 0][0] == by[1, 1][0] != by[2, 0][0]
