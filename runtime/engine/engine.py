@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -180,8 +181,10 @@ class Engine:
             outcome.status, outcome.error = status, failure
         return outcome
 
-    def advance(self, last: int, progress: Progress | None = None) -> None:
+    def advance(self, last: int, progress: Progress | None = None, at_once: bool = True) -> None:
         """Run the ticks up to one, which is the next that is done; or to where the run stops.
+
+        ``progress`` is called between ticks; ``at_once``, signals end the run within a tick, too.
 
         Raises
         ------
@@ -189,7 +192,7 @@ class Engine:
         """
         began = time.perf_counter()
         try:
-            with stoppable():
+            with stoppable() if at_once else nullcontext():
                 if not self.is_checked and self.state.tick < last:
                     self._first_tick()
                     self.ready_s = time.perf_counter() - began
