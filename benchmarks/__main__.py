@@ -31,6 +31,7 @@ from benchmarks import (
     per_tick,
     physics,
     populations,
+    real_time,
     start_up,
     stiff,
     sweeps,
@@ -154,6 +155,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: start_up.section(rounds),
         lambda: continuous.section(rounds, quick=sizes is QUICK),
         lambda: stiff.section(rounds, quick=sizes is QUICK),
+        lambda: real_time.section(rounds, quick=sizes is QUICK),
         accuracy.section,
         lambda: language.section(rounds),
         lambda: compiling.section(rounds, quick=sizes is QUICK),
@@ -209,6 +211,7 @@ ALONE: dict[str, Callable[[int], str]] = {
     "continuous": continuous.section,
     "growth": growth.section,
     "language": language.section,
+    "real_time": real_time.section,
     "start_up": start_up.section,
     "stiff": stiff.section,
 }

@@ -177,8 +177,7 @@ class Engine:
         status, failure = "complete", None
         try:
             (advance or self.advance)(self.network.ticks, progress)
-        except KeyboardInterrupt as error:
-            self.locate(error)
+        except KeyboardInterrupt:
             status = "interrupted"
         except SimulationError as error:
             status, failure = "failed", error
@@ -276,7 +275,8 @@ class Engine:
                 chunk = max(1, min(4 * chunk, int(wanted * rate)))
                 if progress is not None:
                     progress(self.state.tick, total)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
+            self.locate(error)  # here alone: one between two calls has done all ticks of the first
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
