@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -262,3 +264,16 @@ def test_an_episode_that_failed_can_begin_again() -> None:
         env.step(np.array([0.0, 1.0, 0.0]))
     assert env.reset(seed=1)[0][0] == 0.0
     assert env.step(np.zeros(3))[4]["t"] == pytest.approx(4.0)
+
+
+def test_the_python_of_the_page_runs() -> None:
+    page = (Path(runtime.PACKAGE) / "docs" / "gym.md").read_text(encoding="utf-8")
+    first, vector = re.findall(r"```python\n(.*?)```", page, re.S)
+    space: dict[str, Any] = {}
+    exec(first, space)
+    assert space["info"]["t"] == pytest.approx(2.0) and not space["terminated"]
+    exec(vector, space)
+    try:
+        assert space["envs"].reset(seed=3)[0].shape == (4, 4)
+    finally:
+        space["envs"].close()
