@@ -16,7 +16,7 @@ from datetime import datetime
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from runtime.errors import raised_at
 from runtime.network import Network
 from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
-from runtime.runs.checkpoint import Checkpoints
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -41,6 +40,9 @@ from runtime.runs.folder import (
 )
 from runtime.runs.result import Result
 from runtime.terminal import readable_bytes
+
+if TYPE_CHECKING:
+    from runtime.runs.checkpoint import Checkpoints
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),

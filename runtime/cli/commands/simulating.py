@@ -30,7 +30,7 @@ def simulated(
     ``every`` is the time between two checkpoints (s), ``source`` one to go on from.
     """
     from runtime.engine import silent
-    from runtime.runs import Checkpoints, Result, simulate
+    from runtime.runs import Result, simulate
     from runtime.terminal import Progress
 
     progress = Progress(graph.title, wanted=not quiet)
@@ -39,7 +39,11 @@ def simulated(
         folder = draft.recordings
         growing = every > 0.0 or source is not None
         prepared = graph.prepared(profiled=profile is not None, growing=growing)
-        checkpoints = Checkpoints(folder, every, source) if growing else None
+        checkpoints = None
+        if growing:
+            from runtime.runs import Checkpoints
+
+            checkpoints = Checkpoints(folder, every, source)
         return simulate(prepared, progress, note, profile, folder, checkpoints), None
     except SimulationError as error:
         if not isinstance(error.result, Result):
