@@ -25,6 +25,7 @@ from benchmarks import (
     accuracy,
     compiling,
     continuous,
+    environments,
     growth,
     language,
     monte_carlo,
@@ -158,6 +159,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: real_time.section(rounds, quick=sizes is QUICK),
         accuracy.section,
         lambda: language.section(rounds),
+        lambda: environments.section(rounds),
         lambda: compiling.section(rounds, quick=sizes is QUICK),
         *([] if against is None else [lambda: compiling.section_against(rounds, against)]),
     )
@@ -209,6 +211,7 @@ ALONE: dict[str, Callable[[int], str]] = {
     "sweeps": lambda rounds: sweeps.section(sweeps.SEEDS, FULL.until, rounds),
     "compiling": compiling.section,
     "continuous": continuous.section,
+    "environments": environments.section,
     "growth": growth.section,
     "language": language.section,
     "real_time": real_time.section,

@@ -268,11 +268,14 @@ def test_the_tutorial_shows_what_is_printed(cli: Run) -> None:
     [
         *("run_from_python.py", "stateful_block.py"),
         pytest.param("ablation.py", marks=pytest.mark.slow),
+        pytest.param("train_policy.py", marks=pytest.mark.slow),
     ],
 )
 def test_the_examples_run(name: str) -> None:
+    if name == "train_policy.py":
+        pytest.importorskip("gymnasium")
     arguments = [sys.executable, str(ROOT / "examples" / name)]
-    arguments += ["1"] if name == "ablation.py" else []
+    arguments += ["1"] if name in ("ablation.py", "train_policy.py") else []
     done = subprocess.run(arguments, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout

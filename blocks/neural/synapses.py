@@ -81,7 +81,9 @@ class Synapse(Variant, root=True):
 
     @classmethod
     def forms(cls) -> Mapping[str, str]:
-        return {_form(member): member.summary() for member in cls.members.values()}
+        # One with arrays is written as a mapping only.
+        named = [member for member in cls.members.values() if not _has_arrays(member)]
+        return {_form(member): member.summary() for member in named}
 
     def written(self) -> Any:
         values = [self.__dict__[name] for name in self.declared]
@@ -235,9 +237,11 @@ def _number(text: str) -> float | None:
         return None
 
 
+def _has_arrays(kind: type[Variant]) -> bool:
+    return any(declared.kind == "array" for declared in kind.declared.values())
+
+
 def _form(kind: type[Variant]) -> str:
-    if any(declared.kind == "array" for declared in kind.declared.values()):
-        return kind.label
     return f"{kind.label}({', '.join(kind.declared)})" if kind.declared else kind.label
 
 

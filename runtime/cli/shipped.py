@@ -14,6 +14,7 @@ USES = {
     "graphs": "run one by its name: runtime run NAME",
     "gallery": "run one: runtime run gallery/NAME",
     "gallery/nengo": "Nengo's examples; run one: runtime run gallery/nengo/NAME",
+    "gallery/papers": "models of papers; run one: runtime run gallery/papers/NAME",
     "gallery/published": "published models; run one: runtime run gallery/published/NAME",
     "starters": "begin with a copy: runtime new my.yaml --from NAME",
     "conditions": "lay one over a graph: --with conditions/NAME",
@@ -26,7 +27,7 @@ USES = {
 }
 FIRST = ("graphs", "starters")
 # The groups whose files run as they are.
-RUNNABLE = (*FIRST, "gallery", "gallery/nengo", "gallery/published")
+RUNNABLE = (*FIRST, "gallery", "gallery/nengo", "gallery/papers", "gallery/published")
 
 
 @dataclass(frozen=True)

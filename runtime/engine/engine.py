@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -177,7 +178,8 @@ class Engine:
         status, failure = "complete", None
         try:
             (advance or self.advance)(self.network.ticks, progress)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
+            self.locate(error)
             status = "interrupted"
         except SimulationError as error:
             status, failure = "failed", error
@@ -186,8 +188,10 @@ class Engine:
             outcome.status, outcome.error = status, failure
         return outcome
 
-    def advance(self, last: int, progress: Progress | None = None) -> None:
+    def advance(self, last: int, progress: Progress | None = None, at_once: bool = True) -> None:
         """Run the ticks up to one, which is the next that is done; or to where the run stops.
+
+        ``progress`` is called between ticks; ``at_once``, signals end the run within a tick, too.
 
         Raises
         ------
@@ -195,7 +199,7 @@ class Engine:
         """
         began = time.perf_counter()
         try:
-            with stoppable():
+            with stoppable() if at_once else nullcontext():
                 if not self.is_checked and self.state.tick < last:
                     self._first_tick()
                     self.ready_s = time.perf_counter() - began
@@ -275,8 +279,7 @@ class Engine:
                 chunk = max(1, min(4 * chunk, int(wanted * rate)))
                 if progress is not None:
                     progress(self.state.tick, total)
-        except KeyboardInterrupt as error:
-            self.locate(error)  # here alone: one between two calls has done all ticks of the first
+        except KeyboardInterrupt:
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -84,3 +84,34 @@ def stoppable() -> Iterator[None]:
         yield
     finally:
         interrupts.armed = False
+
+
+@contextmanager
+def interrupted_between_ticks() -> Iterator[Callable[[int, int], None]]:
+    """A context in which Ctrl-C waits for the next call of the function that it gives.
+
+    A tick is then done or not, so that a session can go on. A second Ctrl-C does not wait, since a
+    block may never return. Does nothing where Python does not handle Ctrl-C itself.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield lambda tick, total: None
+        return
+    caught = False
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal caught
+        if caught:
+            raise KeyboardInterrupt
+        caught = True
+
+    def check(tick: int, total: int) -> None:
+        if caught:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield check
+        check(0, 0)
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -207,6 +207,7 @@ def single(text: str) -> str:
     text = LENGTH.sub(
         "INLINE double length_of(double a, double b)\n{\n    return hypot(a, b);\n}\n", text
     )
+    text = re.sub(r"\bresult = name\(", "result = name##f(", text)  # of the macros REAL
     text = re.sub(r"\bdouble\b", "float", text)
     text = re.sub(rf"\b({'|'.join(MATH)})\(", r"\1f(", text)
     text = re.sub(r"\bOF_ARGUMENTS\((\w+)\);", r"OF_ARGUMENTS(\1f);", text)

@@ -72,8 +72,7 @@ def export_page(
     chosen = named_blocks(network, (), ())
     selection = select(network, graph.program().plan, chosen)
     layout = layout_of(graph, selection, NAME, hold=False)
-    found = graph.program().observation
-    plots = shown(found, selection.outputs, _constants(graph), network.types, network.world)
+    plots = shown(graph, selection.outputs, _constants(graph))
     if not plots.plots:
         raise UsageError("--to html: the graph has no plot that a page can draw; add a timeseries")
 

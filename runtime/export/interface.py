@@ -23,7 +23,7 @@ import numpy as np
 from runtime.engine.compiled import Ending
 from runtime.export.layout import ENGINE, Layout, Parameter
 from runtime.export.units import BlockText
-from runtime.plan import Port, numbers_in
+from runtime.plan import Port
 
 C_TYPES = {"f": "double", "i": "int64_t", "b": "bool", "u": "uint64_t"}
 KINDS = {"f": "numbers", "i": "integers", "b": "flags", "u": "words"}
@@ -229,6 +229,3 @@ class InterfaceText:
 def renamed(text: str, name: str) -> str:
     """The text of a plan whose numbers are part of the controller's struct."""
     return re.sub(r"\bstruct plan\b", f"struct {name}_signals", text)
-
-
-__all__ = ["InterfaceText", "literal", "numbers_in", "renamed", "table"]

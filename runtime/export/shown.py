@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from runtime.graph import Graph
 from runtime.network import first_column
-from runtime.observation import Observation, PlotSpec, Signal
+from runtime.observation import PlotSpec, Signal
 from runtime.plan import Port
 
 AREAL = ("trajectory", "map")
@@ -55,27 +56,23 @@ class Curve:
 
 
 def shown(
-    observation: Observation,
-    outputs: Sequence[Port],
-    constants: Mapping[Port, np.ndarray[Any, Any]],
-    kinds: Mapping[Port, Any],
-    world: Any,
+    graph: Graph, outputs: Sequence[Port], constants: Mapping[Port, np.ndarray[Any, Any]]
 ) -> Shown:
     """The plots of a graph.
 
     Parameters
     ----------
     outputs : what the step hands out. constants : the values of outputs that never change.
-    kinds : the type of each output. world : the graph's, None without one.
     """
     found = Shown()
+    observation, network = graph.program().observation, graph.network
 
     def curves(signals: Sequence[Signal]) -> Iterator[Curve]:
         for signal in signals:
             port = signal.end.block, signal.end.port
             if port not in outputs or signal.is_state or signal.publisher:
                 continue
-            first = first_column(kinds[port], signal.end.component) if signal.end.component else 0
+            first = first_column(network.types[port], signal.end.component)
             named = zip(signal.names, signal.labels, signal.units, strict=True)
             for i, (name, label, unit) in enumerate(list(named)[:MOST_CURVES]):
                 yield Curve(found.column(port, first + i), plain(name or label), unit)
@@ -94,7 +91,7 @@ def shown(
             names = {s: texts[i] if i < len(texts) else "" for i, s in enumerate(order)}
             fixed = _fixed(paths, [names[s] for s in paths], constants)
             given = [names[s] or s.address for s in poses]
-            made = _in_the_plane(plot, given, list(curves(poses)), fixed, world)
+            made = _in_the_plane(plot, given, list(curves(poses)), fixed, network.world)
         else:
             made = []
         found.plots += made

@@ -29,7 +29,6 @@ from runtime.document import (
 from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import CheckedGraph, Content, check_content
 from runtime.graph.running import Runnable
-from runtime.graph.saving import as_text, save, with_modules, without_modules
 from runtime.network import Network, discretize, is_variadic, replace_block
 from runtime.observation import Observation
 
@@ -345,7 +344,11 @@ class Graph(Runnable):
     def to_dict(self, *, modules: bool = False) -> dict[str, Value]:
         """The graph as plain values; ``modules`` adds the files of classes that Python gave."""
         plain = in_order(self.document.plain())
-        return with_modules(plain, self._content.classes) if modules else plain
+        if not modules:
+            return plain
+        from runtime.graph.saving import with_modules
+
+        return with_modules(plain, self._content.classes)
 
     @property
     def texts(self) -> dict[str, bytes]:
@@ -360,13 +363,19 @@ class Graph(Runnable):
 
     def to_yaml(self) -> str:
         """The graph as YAML from which :func:`runtime.load` reads an equal graph."""
+        from runtime.graph.saving import as_text
+
         return as_text(self.to_dict(modules=True))
 
     def save(self, path: str | Path) -> None:
         """Write the graph to ``my.yaml``, and arrays that were given in Python to ``my.npz``."""
+        from runtime.graph.saving import save
+
         save(self.to_dict(modules=True), Path(path))
 
     def __eq__(self, other: object) -> bool:
+        from runtime.graph.saving import without_modules
+
         return isinstance(other, Graph) and (
             without_modules(self.to_dict()) == without_modules(other.to_dict())
         )

@@ -33,7 +33,7 @@ from runtime.document import (
     read_file,
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
-from runtime.experiments.design import KEYS, check_experiment, is_experiment
+from runtime.experiments.design import is_experiment
 from runtime.graph import Content, Examination, Graph, examine
 from runtime.language.cut import Cut, cut, cut_again
 from runtime.language.items import YamlItem, deepest
@@ -208,6 +208,8 @@ class Model:
         # Other YAML files are open in the same editor, and must not get hundreds of errors. A file
         # of a few known keys only may become a graph; one with a key of ours alone is one.
         names = set(_TOP.findall(self.text.source))
+        from runtime.experiments.design import KEYS
+
         names_of_ours = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
         return bool(names & OWN) or names <= names_of_ours
 
@@ -323,6 +325,8 @@ class Model:
                 return [Problem(Where(self.file), "", message)]
             result = examine(Content(Node({"world": self.tree, "blocks": Node({})})))
             return [problem for problem in result.problems if problem.address.startswith("world")]
+        from runtime.experiments.design import check_experiment
+
         try:
             change = self.change or (lambda graph: graph)
             near = self.surroundings

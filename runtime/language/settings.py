@@ -13,6 +13,7 @@ from blocks.core import Block, Param, Variant
 from runtime.language.items import YamlItem
 from runtime.language.offers import Offer, escape_snippet
 
+_CALL = re.compile(r"\w+\([\w\s,.\[\]]*\)")
 _ARGUMENT = re.compile(r"[A-Za-z_][\w ]*")
 
 
@@ -56,8 +57,9 @@ def forms_of(param: Param, in_flow: bool) -> Iterator[Offer]:
     if param.setting is None:
         return
     for form, doc in param.setting.forms().items():
-        name, parenthesis, _ = form.partition("(")
-        if not parenthesis:
+        name, _, _ = form.partition("(")
+        # A rule such as exp(cos(2*pi*(i - j)/n)) is an example, with no places to fill in.
+        if not _CALL.fullmatch(form):
             yield Offer(form, "value", doc, rank=0)
             continue
         # In braces, a comma would end the value: uniform(200, 400) needs quotes there.
@@ -66,8 +68,14 @@ def forms_of(param: Param, in_flow: bool) -> Iterator[Offer]:
     root = root_of(param)
     for label, member in root.members.items() if root is not None else ():
         if root is not None and member.declared:
-            required = [name for name, each in member.declared.items() if each.required]
-            places = [f"{name}: ${{{n}:number}}" for n, name in enumerate(required, 1)]
+            places, numbers = [], iter(range(1, 20))
+            for name, each in member.declared.items():
+                if not each.required:
+                    continue
+                # An array begins with two numbers: enough for most, such as a denominator.
+                place = [f"${{{next(numbers)}:number}}" for _ in range(1 + (each.kind == "array"))]
+                value = place[0] if each.kind != "array" else f"[{', '.join(place)}]"
+                places.append(f"{name}: {value}")
             text = f"{{{root.key}: {label}, {', '.join(places) or '$1'}}}"
             label = f"{{{root.key}: {label}, ...}}"
             yield Offer(label, "snippet", ", ".join(member.declared), "", text, True, 1)

@@ -16,7 +16,7 @@ from datetime import datetime
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from runtime.errors import raised_at
 from runtime.network import Network
 from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
-from runtime.runs.checkpoint import Checkpoints
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -39,9 +38,12 @@ from runtime.runs.folder import (
     contents,
     portable,
 )
-from runtime.runs.pacing import Pacing
 from runtime.runs.result import Result
 from runtime.terminal import readable_bytes
+
+if TYPE_CHECKING:
+    from runtime.runs.checkpoint import Checkpoints
+    from runtime.runs.pacing import Pacing
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),

@@ -21,7 +21,15 @@ import numpy as np
 
 from blocks.core import ParameterError, hint
 from runtime.document import dump_yaml
-from runtime.engine import Carried, Engine, Reader, adopt, adopt_changed, carried
+from runtime.engine import (
+    Carried,
+    Engine,
+    Reader,
+    adopt,
+    adopt_changed,
+    carried,
+    interrupted_between_ticks,
+)
 from runtime.errors import SimulationError, UsageError
 from runtime.files import json_text, own_file, own_folder, system_errors, write_whole
 from runtime.network import Network
@@ -119,7 +127,7 @@ class Session:
 
     @property
     def stopped(self) -> bool:
-        """Whether ``run.stop`` has ended the run; it goes on after a change or a restore."""
+        """Whether ``run.stop`` has ended the run; it goes on once that has another condition."""
         return self._engine.is_stopped
 
     @property
@@ -140,7 +148,8 @@ class Session:
 
         Raises
         ------
-        SimulationError : a block failed; the session stays where it was before that tick's call.
+        SimulationError : a block failed; every call repeats that until a snapshot is restored.
+        KeyboardInterrupt : Ctrl-C was pressed; the session can go on from the tick it came to.
         """
         ticks = seconds / self._engine.network.dt
         if not (math.isfinite(ticks) and ticks >= 0.0):
@@ -154,7 +163,8 @@ class Session:
         if last > self._engine.network.ticks:
             self._extend(last)
         try:
-            self._engine.advance(last)
+            with interrupted_between_ticks() as check:
+                self._engine.advance(last, check, at_once=False)
         except SimulationError as error:
             self._failed = error
             error.result = self.result()
@@ -239,10 +249,7 @@ class Session:
         """Change a tunable parameter in the running engine; False if that is not possible."""
         name, _, parameter = path.removeprefix("blocks.").rpartition(".")
         entry = self._engine.network.entries.get(name)
-        numbers = isinstance(value, (bool, int, float, np.ndarray)) or (
-            isinstance(value, list) and np.asarray(value).dtype.kind in "if"
-        )
-        if entry is None or not numbers or not entry.block.is_tunable(parameter):
+        if entry is None or not _is_numeric(value) or not entry.block.is_tunable(parameter):
             return False
         try:
             block = type(entry.block)(**{**entry.block.parameters(), parameter: value})
@@ -385,3 +392,11 @@ class Session:
         self._engine = engine
         self._readers: dict[str, Callable[[], Any]] = {}
         self._failed = None
+
+
+def _is_numeric(value: Any) -> bool:
+    """Whether a value is a number or an array, and no text that is read first, such as 30deg."""
+    try:
+        return np.asarray(value).dtype.kind in "bif"
+    except ValueError:  # lists of different lengths
+        return False

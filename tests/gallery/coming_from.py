@@ -59,8 +59,9 @@ def row(name: str, model: Callable[[], Any], folder: Path) -> str:
         ours = len(redrawn.files[0].read_text(encoding="utf-8"))
         equal = compared(done)
     except SpikeblocksError as error:
-        reason = str(error).splitlines()[0].rpartition(" (")[0] or str(error)
-        reason = reason.rpartition("NotImplementedError: ")[2].replace("|", "/")
+        # Without the object's address and the folder, which differ from run to run.
+        reason = str(error).splitlines()[0].rpartition("Error: ")[2].rpartition(">: ")[2]
+        reason = reason.partition(" (/")[0]
         return f"| {name} | not whole: {reason} | {theirs} | | |"
     timed = name in TIMED or name in FURTHER
     speed = f"{ratio(done):.1f}" if timed else ""

@@ -80,7 +80,7 @@ def simulated(
     that of a run in real time.
     """
     from runtime.engine import silent
-    from runtime.runs import Checkpoints, Result, simulate
+    from runtime.runs import Result, simulate
     from runtime.terminal import Progress
 
     progress = Progress(graph.title, wanted=not quiet)
@@ -89,7 +89,11 @@ def simulated(
         folder = draft.recordings
         growing = every > 0.0 or source is not None
         prepared = graph.prepared(profiled=profile is not None, growing=growing)
-        checkpoints = Checkpoints(folder, every, source) if growing else None
+        checkpoints = None
+        if growing:
+            from runtime.runs import Checkpoints
+
+            checkpoints = Checkpoints(folder, every, source)
         return simulate(prepared, progress, note, profile, folder, checkpoints, pacing), None
     except SimulationError as error:
         if not isinstance(error.result, Result):

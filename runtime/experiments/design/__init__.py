@@ -16,13 +16,13 @@ if TYPE_CHECKING:
         VARIANT_KEYS,
         Experiment,
         check_experiment,
-        is_experiment,
         read_experiment,
     )
     from runtime.experiments.design.factors import Factor, Range, parse_factor, value_label
     from runtime.experiments.design.figures import FigureSpec, shown_probe, with_signal
     from runtime.experiments.design.measurements import Measurement, parse_measurement
     from runtime.experiments.design.objective import Constraint, Objective
+    from runtime.experiments.design.recognition import is_experiment
     from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
     from runtime.experiments.design.sampling import Design
     from runtime.experiments.design.search import RunSet, TuningSettings, tuning_of

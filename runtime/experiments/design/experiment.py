@@ -45,6 +45,7 @@ from runtime.experiments.design.factors import plain_value
 from runtime.experiments.design.measurements import KEYS as DATA_KEYS
 from runtime.experiments.design.measurements import Measurement, read_measurements
 from runtime.experiments.design.objective import Objective
+from runtime.experiments.design.recognition import is_experiment
 from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import GraphVariant
@@ -203,12 +204,6 @@ def _position(where: Where, otherwise: Where) -> Where:
     if where.line or not (line.isdecimal() and column.isdecimal()):
         return where if where.line else otherwise
     return Where(otherwise.file, int(line), int(column))
-
-
-def is_experiment(document: Node) -> bool:
-    """Whether a document describes an experiment, not a graph."""
-    keys = ("experiment", "vary", "variants", "training", "data", "contestants")
-    return any(document.get(key) for key in keys)
 
 
 @dataclass

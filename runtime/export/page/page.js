@@ -214,7 +214,8 @@ function plots() {
 
 function curves(box, spec) {
   const ink = token("--ink"), line = token("--line");
-  const axis = {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}};
+  const values = (chart, numbers) => numbers.map((x) => (x == null ? "" : short(x)));
+  const axis = {stroke: ink, values, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}};
   const unit = spec.unit ? ` [${spec.unit}]` : "";
   const series = [{label: `t [${DATA.unit}]`, value: (u, v) => (v == null ? "" : short(v))}];
   spec.columns.forEach((column, i) => {

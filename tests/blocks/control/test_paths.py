@@ -278,8 +278,8 @@ def test_curvature_is_zero_where_the_curve_stands() -> None:
             lambda: blocks.CirclePath(center=[1, 2, 3]),
             "center: expected an array of 2 numbers in m",
         ),
-        (lambda: blocks.WaypointPath(), "points: missing; expected an array of nx2 numbers"),
-        (lambda: blocks.WaypointPath(points=[[0, 0, 0]]), "points: expected an array of nx2"),
+        (lambda: blocks.WaypointPath(), "points: missing; expected an array of n x 2 numbers"),
+        (lambda: blocks.WaypointPath(points=[[0, 0, 0]]), "points: expected an array of n x 2"),
         (lambda: blocks.WaypointPath(points=HILL[:3]), "points: a spline of degree 3 needs at lea"),
         (
             lambda: blocks.WaypointPath(points=HILL, degree=6),

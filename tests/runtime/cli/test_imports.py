@@ -54,7 +54,7 @@ def under(modules: list[str], *rooms: str) -> list[str]:
     [
         (
             ("validate",),
-            115,
+            109,
             ("scipy", "networkx", "runtime.runs", "runtime.engine.engine", "runtime.toolchain"),
         ),
         (("run", "--no-plots"), 127, ("scipy", "networkx", "runtime.language", "runtime.compiler")),

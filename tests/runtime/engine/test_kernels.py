@@ -88,7 +88,12 @@ def trace(case: Case) -> list[Any]:
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    [(n, m) for n, m in OVERRIDES if m in ("update", "_draw", "_respond", "solve")],
+    # A Decoder whose weights are given, as in its case, does not solve for them.
+    [
+        (n, m)
+        for n, m in OVERRIDES
+        if m in ("update", "_draw", "_respond", "solve") and (n, m) != ("Decoder", "solve")
+    ],
 )
 def test_these_overrides_change_the_numbers(name: str, method: str) -> None:
     """Otherwise the test above would compare nothing."""

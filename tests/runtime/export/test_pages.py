@@ -26,7 +26,7 @@ DRIVE = """<!doctype html><meta charset="utf-8"><title>driving</title>
 const frame = document.querySelector("iframe");
 const over = (of) => of.eval("core && isOver() && !page.running");
 async function done(of) {{
-  do await new Promise((go) => setTimeout(go, 50)); while (!over(of));
+  do await new Promise((go) => setTimeout(go, 200)); while (!over(of));
 }}
 frame.addEventListener("load", async () => {{
   const of = frame.contentWindow, said = {{}};
@@ -57,7 +57,7 @@ def driven(page: Path) -> dict[str, Any]:
     outer = page.with_name("outer.html")
     outer.write_text(DRIVE.format(page=page.as_uri()), encoding="utf-8")
     with tempfile.TemporaryDirectory() as profile:
-        options = (*FLAGS, "--virtual-time-budget=60000", f"--user-data-dir={profile}")
+        options = (*FLAGS, "--virtual-time-budget=400000", f"--user-data-dir={profile}")
         command = [browser(), *options, "--dump-dom", outer.as_uri()]
         done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
     assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line and "rror" in line]

@@ -150,9 +150,9 @@ wires:
 @pytest.mark.parametrize(
     ("place", "new", "first"),
     [
-        ("¦2", "neuron: ¦", ["LIF", "LIFRate", "AdaptiveLIF"]),
+        ("¦2", "neuron: ¦", ["LIF", "LIFRate"]),
         ("¦2", "neuron: {¦}", ["type", *NeuronModel.members["LIF"].declared]),
-        ("¦2", "neuron: {type: ¦}", ["LIF", "LIFRate", "AdaptiveLIF"]),
+        ("¦2", "neuron: {type: ¦}", ["LIF", "LIFRate"]),
         ("¦2", "neuron: {type: Izhikevich, ¦", [*NeuronModel.members["Izhikevich"].declared]),
         ("¦2", "max_rates: ¦", ["uniform(low, high)", "normal(mean, deviation)"]),
         ("¦2", "learning: {rule: ¦}", ["voja"]),

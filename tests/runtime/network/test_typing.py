@@ -122,8 +122,9 @@ def test_a_stated_type_is_held_against_the_wires() -> None:
 
 def test_every_generic_block_of_the_library_takes_a_signal() -> None:
     generic = {name for name, cls in BUILTIN.items() if cls.spec.generic}
-    # R settles the type of a measurement, the matrices settle those of a regulator.
-    generic -= {"ExtendedKalmanFilter", "LinearQuadraticRegulator"}
+    # Matrices settle the types of measurements and commands, the phases that of trials.
+    generic -= {"ExtendedKalmanFilter", "LinearQuadraticRegulator", "LinearMPC"}
+    generic -= {"LinearDisturbanceObserver", "Trials"}
     assert {"Sum", "Gain", "UnitDelay", "Lowpass", "Switch", "Constant"} <= generic
     assert all("signal" in BUILTIN[name].spec.params for name in generic)
 

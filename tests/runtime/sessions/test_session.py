@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import blocks
 import runtime
 from runtime.graph import open_session
 from runtime.sessions import Session
@@ -296,3 +299,31 @@ def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Pat
         and "a session has no method 'rite', did you mean 'write'?" in done.stderr
     )
     assert cli("replay", "b").returncode == 2
+
+
+class Interrupting(blocks.Block):
+    """Presses Ctrl-C in the middle of a tick."""
+
+    out = blocks.Output(blocks.Scalar)
+    count = blocks.State()
+
+    def output(self, state: Any, t: float) -> float:
+        if float(state.count) == 30.0:
+            os.kill(os.getpid(), signal.SIGINT)
+        return float(state.count)
+
+    def update(self, state: Any, t: float) -> None:
+        state.count += 1.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_ctrl_c_waits_for_the_end_of_a_tick(engine: str) -> None:
+    graph = runtime.Graph("counting", dt=0.001, until=0.2).add("n", Interrupting()).probe("n.out")
+    session = graph.session(engine=engine)
+    with pytest.raises(KeyboardInterrupt):
+        session.step(200)
+    assert 30 < session.tick < 200
+    assert session.read("n.out") == session.tick
+    session.step(200 - session.tick)
+    assert session.result()["n.out"].tolist() == list(range(200))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
