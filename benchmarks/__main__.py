@@ -154,9 +154,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: growth.section(rounds, quick=sizes is QUICK),
         lambda: start_up.section(rounds),
-        lambda: continuous.section(rounds, quick=sizes is QUICK),
-        lambda: stiff.section(rounds, quick=sizes is QUICK),
-        lambda: real_time.section(rounds, quick=sizes is QUICK),
+        *(partial(each.section, rounds, quick=sizes is QUICK) for each in LOOPS),
         accuracy.section,
         lambda: language.section(rounds),
         lambda: environments.section(rounds),
@@ -220,6 +218,7 @@ ALONE: dict[str, Callable[[int], str]] = {
 }
 
 
+LOOPS = (continuous, stiff, real_time)
 AGAINST = "against"  # of two trees
 
 

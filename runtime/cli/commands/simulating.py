@@ -54,9 +54,9 @@ def pacing_of(options: Namespace) -> Pacing | None:
     ------
     UsageError : an option of real time is given without it.
     """
-    from runtime.runs import Pacing
-
     if options.real_time:
+        from runtime.runs import Pacing
+
         overrun = options.overrun or "catch-up"
         return Pacing(options.speed or 1.0, overrun, options.priority)
     for name in ("speed", "overrun", "priority"):
