@@ -186,6 +186,8 @@ def test_what_differs_in_an_episode() -> None:
         env.reset(options={"plce.initial": [0.0, 0.0]})
 
 
+# Python 3.12 warns of a fork while threads of the numerical libraries run.
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 @pytest.mark.parametrize("kind", [SyncVectorEnv, AsyncVectorEnv])
 def test_vectors_of_environments(kind: Any) -> None:
     env = kind([partial(balance), partial(balance)])
@@ -292,6 +294,7 @@ def test_an_episode_that_failed_can_begin_again() -> None:
     assert env.step(np.zeros(3))[4]["t"] == pytest.approx(4.0)
 
 
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_the_python_of_the_page_runs() -> None:
     page = (Path(runtime.PACKAGE) / "docs" / "gym.md").read_text(encoding="utf-8")
     first, vector = re.findall(r"```python\n(.*?)```", page, re.S)
