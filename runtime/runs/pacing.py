@@ -179,6 +179,8 @@ def _scheduled(wanted: bool, notes: list[str]) -> Iterator[str]:
 
 def pacing_text(figures: Mapping[str, Any]) -> str:
     """The figures of a run in real time as one line."""
+    if not figures["periods"]:
+        return "real time: the run ended before its second tick, so nothing was late"
     late = figures["late_s"]
     names = {"p50": "50 %", "p99": "99 %", "p99_9": "99.9 %", "worst": "worst"}
     measured = ", ".join(f"{_time(late[key])} ({name})" for key, name in names.items())
@@ -189,10 +191,8 @@ def pacing_text(figures: Mapping[str, Any]) -> str:
     return text + (f", {_time(behind)} behind at the end" if behind > 0.0 else "")
 
 
-def _time(seconds: float | None) -> str:
+def _time(seconds: float) -> str:
     """A short time with its unit."""
-    if seconds is None:
-        return "-"
     factor, unit = next(
         ((f, u) for f, u in ((1.0, "s"), (1e3, "ms")) if seconds * f >= 1.0), (1e6, "µs")
     )
