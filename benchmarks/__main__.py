@@ -25,12 +25,14 @@ from benchmarks import (
     accuracy,
     compiling,
     continuous,
+    environments,
     growth,
     language,
     monte_carlo,
     per_tick,
     physics,
     populations,
+    real_time,
     start_up,
     stiff,
     sweeps,
@@ -152,10 +154,10 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: growth.section(rounds, quick=sizes is QUICK),
         lambda: start_up.section(rounds),
-        lambda: continuous.section(rounds, quick=sizes is QUICK),
-        lambda: stiff.section(rounds, quick=sizes is QUICK),
+        *(partial(each.section, rounds, quick=sizes is QUICK) for each in LOOPS),
         accuracy.section,
         lambda: language.section(rounds),
+        lambda: environments.section(rounds),
         lambda: compiling.section(rounds, quick=sizes is QUICK),
         *([] if against is None else [lambda: compiling.section_against(rounds, against)]),
     )
@@ -207,13 +209,16 @@ ALONE: dict[str, Callable[[int], str]] = {
     "sweeps": lambda rounds: sweeps.section(sweeps.SEEDS, FULL.until, rounds),
     "compiling": compiling.section,
     "continuous": continuous.section,
+    "environments": environments.section,
     "growth": growth.section,
     "language": language.section,
+    "real_time": real_time.section,
     "start_up": start_up.section,
     "stiff": stiff.section,
 }
 
 
+LOOPS = (continuous, stiff, real_time)
 AGAINST = "against"  # of two trees
 
 

@@ -11,7 +11,7 @@ its elements::
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,7 @@ class Ports:
             row[place] = value if type(value) is float else np.ravel(value)
         return row
 
-    def split(self, element: Any) -> Iterator[tuple[str, FloatArray]]:
+    def split(self, element: Any) -> list[tuple[str, FloatArray]]:
         """Each port with its value, of the shape of its type.
 
         Raises
@@ -69,23 +69,35 @@ class Ports:
         UsageError : the element has another form than those of the space.
         """
         if self.is_dict:
-            if not isinstance(element, Mapping) or element.keys() != set(self.names):
-                expected = f"expected an action with {', '.join(self.names)}"
-                raise UsageError(f"{expected}, got {element!r}")
-            arrays = [np.asarray(element[name], dtype=np.float64) for name in self.names]
-        else:
-            row = np.asarray(element, dtype=np.float64)
-            if row.shape != (self.size,):
-                expected = f"expected an action of shape ({self.size},): {', '.join(self.names)}"
-                raise UsageError(f"{expected}; got shape {row.shape}")
-            arrays = [row[place] for place in self._places]
-        for name, array, held, shape in zip(
-            self.names, arrays, self._shapes, self._types, strict=True
-        ):
-            if array.size != math.prod(held):
+            return self._split_dict(element)
+        row = _numbers(element)
+        if row.shape != (self.size,):
+            expected = f"expected an action of shape ({self.size},): {', '.join(self.names)}"
+            raise UsageError(f"{expected}; got shape {row.shape}")
+        return [
+            (name, row[place].reshape(shape))
+            for name, place, shape in zip(self.names, self._places, self._types, strict=True)
+        ]
+
+    def _split_dict(self, element: Any) -> list[tuple[str, FloatArray]]:
+        if not isinstance(element, Mapping) or element.keys() != set(self.names):
+            expected = f"expected an action with {', '.join(self.names)}"
+            raise UsageError(f"{expected}, got {element!r}")
+        found = []
+        for name, shape, held in zip(self.names, self._types, self._shapes, strict=True):
+            array = _numbers(element[name])
+            if array.shape != held:
                 raise UsageError(f"'{name}': expected an action of shape {held}, got {array.shape}")
-            yield name, array.reshape(shape)
+            found.append((name, array.reshape(shape)))
+        return found
 
 
 def _row(arrays: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([np.ravel(array) for array in arrays])
+
+
+def _numbers(written: Any) -> FloatArray:
+    try:
+        return np.asarray(written, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise UsageError(f"expected an action of numbers, got {written!r}") from None
