@@ -32,6 +32,7 @@ from benchmarks import (
     per_tick,
     physics,
     populations,
+    real_time,
     start_up,
     stiff,
     sweeps,
@@ -153,8 +154,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: growth.section(rounds, quick=sizes is QUICK),
         lambda: start_up.section(rounds),
-        lambda: continuous.section(rounds, quick=sizes is QUICK),
-        lambda: stiff.section(rounds, quick=sizes is QUICK),
+        *(partial(each.section, rounds, quick=sizes is QUICK) for each in LOOPS),
         accuracy.section,
         lambda: language.section(rounds),
         lambda: environments.section(rounds),
@@ -212,11 +212,13 @@ ALONE: dict[str, Callable[[int], str]] = {
     "environments": environments.section,
     "growth": growth.section,
     "language": language.section,
+    "real_time": real_time.section,
     "start_up": start_up.section,
     "stiff": stiff.section,
 }
 
 
+LOOPS = (continuous, stiff, real_time)
 AGAINST = "against"  # of two trees
 
 

@@ -102,7 +102,10 @@ def seconds(env: Any) -> float:
 def section(rounds: int) -> str:
     contestants: dict[str, Any] = {BY_HAND: ByHand()}
     with suppress(runtime.MissingExtraError):
-        contestants |= {f"{name} engine": of_graph(name) for name in ("compiled", "python")}
+        contestants |= {
+            "Python engine": of_graph("python"),
+            "compiled engine": of_graph("compiled"),
+        }
     timings = take_turns(
         {name: partial(seconds, env) for name, env in contestants.items()}, rounds, STEPS - 1
     )

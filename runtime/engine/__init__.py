@@ -13,7 +13,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from runtime.engine.carrying import Carried, adopt, adopt_changed, carried, same_value
     from runtime.engine.engine import Engine, Outcome
-    from runtime.engine.interrupts import Interrupts, interrupted_between_ticks
+    from runtime.engine.interrupts import Interrupts, interrupted_between_ticks, stoppable
     from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
@@ -47,5 +47,6 @@ __all__ = [
     "recording_file",
     "same_value",
     "silent",
+    "stoppable",
     "take_compiled",
 ]

@@ -166,11 +166,18 @@ class Engine:
         """What the blocks that solve for what others publish find wrong; starts only those."""
         return self.starting.solve()
 
-    def run(self, progress: Progress | None = None) -> Outcome:
-        """Run all ticks; an interrupt or a failure ends the run, and the recording is kept."""
+    def run(
+        self,
+        progress: Progress | None = None,
+        advance: Callable[[int, Progress | None], None] | None = None,
+    ) -> Outcome:
+        """Run all ticks; an interrupt or a failure ends the run, and the recording is kept.
+
+        ``advance`` is called instead of :meth:`advance`: one that waits between calls of it.
+        """
         status, failure = "complete", None
         try:
-            self.advance(self.network.ticks, progress)
+            (advance or self.advance)(self.network.ticks, progress)
         except KeyboardInterrupt as error:
             self.locate(error)
             status = "interrupted"

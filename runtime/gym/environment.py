@@ -23,6 +23,11 @@ Changes = Mapping[str, Any]
 # A function of (observation, action, info).
 Judged = Callable[[Any, Any, dict[str, Any]], Any]
 STARTS = 32  # seeds whose first state is kept in memory
+# What is made of each section, and how one is written.
+SECTIONS = {
+    "inputs": ("actions", "{push: {type: Scalar, min: -1, max: 1, default: 0}}"),
+    "outputs": ("observations", "{angle: cart.angle}"),
+}
 
 
 class GraphEnv(gymnasium.Env):  # type: ignore[misc]
@@ -66,20 +71,17 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         info: Sequence[str] = (),
         as_dict: bool = False,
     ) -> None:
-        if steps < 1:
-            raise UsageError(f"expected steps of at least 1 tick, got {steps}")
+        if not (isinstance(steps, int) and steps >= 1):
+            raise UsageError(f"steps: expected a whole number of at least 1 tick, got {steps!r}")
         loaded = graph if isinstance(graph, Graph) else load(graph)
         self.graph = loaded if engine is None else loaded.set("run.engine", engine)
         self.steps, self.reward, self.terminated = steps, reward, terminated
         self._start, self._info = start, tuple(info)
         network = self.graph.network
-        for section in ("inputs", "outputs"):
+        for section, (what, example) in SECTIONS.items():
             if not getattr(network, section):
-                what = "actions" if section == "inputs" else "observations"
-                raise UsageError(
-                    f"graph '{network.title}' has no section '{section}', which its {what} are "
-                    f"made of: docs/graph-format.md"
-                )
+                message = f"has no section '{section}', which {what} are made of, as in"
+                raise UsageError(f"graph '{network.title}' {message} {section}: {example}")
         self._actions = Ports(network.inputs, as_dict)
         self._observations = Ports(network.outputs, as_dict)
         self.action_space, self.observation_space = self._actions.space, self._observations.space
@@ -89,12 +91,14 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         self._check_addresses(self._begun(network.seed, {}))
 
     def _check_addresses(self, session: Session) -> None:
-        for name in ("reward", "terminated"):
-            address = getattr(self, name)
-            if isinstance(address, str) and not isinstance(session.read(address), float):
-                count = np.size(session.read(address))
-                message = f"{name}: '{address}' has {count} numbers; name one, as in {address}.0"
-                raise UsageError(message)
+        for name, what in (("reward", self.reward), ("terminated", self.terminated)):
+            if isinstance(what, str):
+                value = session.read(what)
+                if not isinstance(value, float):
+                    message = f"{name}: '{what}' has {np.size(value)} numbers; name one"
+                    raise UsageError(f"{message}, as in {what}.0")
+            elif not (callable(what) or (what is None and name == "terminated")):
+                raise UsageError(f"{name}: expected an address or a function, got {what!r}")
         for address in self._info:
             session.read(address)
 
@@ -128,9 +132,11 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         """
         super().reset(seed=seed)
         if seed is None:
-            session = self._new(int(self.np_random.integers(2**31)), options or {})
+            session = self._new(
+                int(self.np_random.integers(2**31)), {} if options is None else options
+            )
         else:
-            session = self._begun(seed, options or {})
+            session = self._begun(seed, {} if options is None else options)
         self._session = session
         return self._observation(session), self._information(session)
 
@@ -147,9 +153,9 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         last = self.graph.network.ticks
         session.step(max(0, min(self.steps, last - session.tick)))
         observation, info = self._observation(session), self._information(session)
-        reward = self._judged(self.reward, observation, action, info)
+        reward = self._judged("reward", observation, action, info)
         ended = self.terminated is not None and bool(
-            self._judged(self.terminated, observation, action, info)
+            self._judged("terminated", observation, action, info)
         )
         truncated = session.tick >= last
         return observation, reward, ended or session.stopped, truncated, info
@@ -158,8 +164,15 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         self._starts.clear()
         self._session = None
 
-    def _judged(self, what: str | Judged, *of: Any) -> float:
-        return float(self.session.read(what) if isinstance(what, str) else what(*of))
+    def _judged(self, name: str, *of: Any) -> float:
+        what = getattr(self, name)
+        if isinstance(what, str):
+            return float(self.session.read(what))
+        value = what(*of)
+        try:
+            return float(value)
+        except (TypeError, ValueError):
+            raise UsageError(f"{name}: expected a number, got {value!r}") from None
 
     def _observation(self, session: Session) -> Any:
         return self._observations.join([session.read(address) for address in self._addresses])
@@ -184,6 +197,10 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
     def _new(self, seed: int, options: Changes) -> Session:
         graph = self.graph
         start = {} if self._start is None else self._start(np.random.default_rng(seed))
+        for name, changes in (("start", start), ("options", options)):
+            if not isinstance(changes, Mapping):
+                message = "expected values by their addresses, as in {'cart.length': 0.6}"
+                raise UsageError(f"{name}: {message}, got {changes!r}")
         for path, value in {**start, **options}.items():
             is_array = isinstance(value, (np.ndarray, np.generic))
             graph = graph.set(path, value.tolist() if is_array else value)

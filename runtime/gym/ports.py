@@ -70,7 +70,7 @@ class Ports:
         """
         if self.is_dict:
             return self._split_dict(element)
-        row = np.asarray(element, dtype=np.float64)
+        row = _numbers(element)
         if row.shape != (self.size,):
             expected = f"expected an action of shape ({self.size},): {', '.join(self.names)}"
             raise UsageError(f"{expected}; got shape {row.shape}")
@@ -85,7 +85,7 @@ class Ports:
             raise UsageError(f"{expected}, got {element!r}")
         found = []
         for name, shape, held in zip(self.names, self._types, self._shapes, strict=True):
-            array = np.asarray(element[name], dtype=np.float64)
+            array = _numbers(element[name])
             if array.shape != held:
                 raise UsageError(f"'{name}': expected an action of shape {held}, got {array.shape}")
             found.append((name, array.reshape(shape)))
@@ -94,3 +94,10 @@ class Ports:
 
 def _row(arrays: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([np.ravel(array) for array in arrays])
+
+
+def _numbers(written: Any) -> FloatArray:
+    try:
+        return np.asarray(written, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise UsageError(f"expected an action of numbers, got {written!r}") from None

@@ -14,7 +14,7 @@ from runtime.observation import Recording, RunData
 from runtime.reports import pieces
 from runtime.reports.findings import of_run
 from runtime.reports.html import Html, bullets, element, facts, join, page, table
-from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
+from runtime.runs import DIAGRAM, RESOLVED, pacing_text, read_run, run_folder
 
 STATUS = {"complete": "good", "stopped": "good", "interrupted": "warn", "failed": "bad"}
 
@@ -196,11 +196,13 @@ def _graph(folder: Path, result: RunData) -> Html:
 def _provenance(folder: Path, result: RunData) -> Html:
     manifest = result.manifest
     per_tick = manifest["us_per_tick"]
+    timed = manifest.get("real_time")
     more = [
         ("seed", str(manifest["seed"])),
         ("changes", "; ".join(map(str, manifest["overrides"])) or "none"),
         ("engine", str(manifest.get("engine") or "")),
         ("time per tick", "" if per_tick is None else f"{float(per_tick):.3g} µs"),
+        *([("real time", pacing_text(timed))] if isinstance(timed, dict) else []),
         ("folder", str(folder.resolve())),
     ]
     return join(pieces.provenance(manifest, more), *_hashes(manifest.get("hashes")))

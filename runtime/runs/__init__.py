@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from runtime.runs.linearization import Linearization, linearize
     from runtime.runs.notebook import Figures
     from runtime.runs.operating_point import output_at
+    from runtime.runs.pacing import OVERRUNS, Pacing, pacing_text
     from runtime.runs.result import Result, open_run
     from runtime.runs.simulation import (
         PreparedRun,
@@ -66,6 +67,7 @@ __all__ = [
     "DIAGRAM",
     "MANIFEST",
     "METRICS",
+    "OVERRUNS",
     "PROBES",
     "RESOLVED",
     "WRITTEN",
@@ -74,6 +76,7 @@ __all__ = [
     "Figures",
     "Linearization",
     "Margins",
+    "Pacing",
     "PreparedRun",
     "Result",
     "Trim",
@@ -89,6 +92,7 @@ __all__ = [
     "new_folder",
     "open_run",
     "output_at",
+    "pacing_text",
     "portable",
     "read_run",
     "recover",

@@ -43,6 +43,7 @@ from runtime.terminal import readable_bytes
 
 if TYPE_CHECKING:
     from runtime.runs.checkpoint import Checkpoints
+    from runtime.runs.pacing import Pacing
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
@@ -76,13 +77,14 @@ def simulate(
     profile: Profile | None = None,
     folder: Path | None = None,
     checkpoints: Checkpoints | None = None,
+    pacing: Pacing | None = None,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
     ``note`` is called with messages for the user, such as what is compiled. ``profile`` collects
     the time per block under the Python engine. ``folder`` holds recordings that are larger than
     the graph's ``run.memory``, and those of a run with ``checkpoints``; a temporary folder by
-    default.
+    default. ``pacing`` lets ticks wait for the clock.
     """
     network, program = graph.network, graph.program
     began = datetime.now().astimezone()
@@ -96,8 +98,10 @@ def simulate(
             _begin_recording(graph, engine, began, folder)
     if checkpoints is not None:
         progress = checkpoints.begin(engine, progress)
-    outcome = engine.run(progress)
+    outcome = engine.run(progress, None if pacing is None else partial(pacing.advance, engine))
     result = result_of(graph, engine, outcome, began)
+    if pacing is not None:
+        pacing.end(result)
     if checkpoints is not None:
         checkpoints.end(outcome, result)
     if outcome.error is not None:

@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.arguments import Once, add_output, seconds
 from runtime.cli.commands.run import finished
+from runtime.cli.commands.simulating import add_real_time
 from runtime.terminal import tell
 
 EVERY = 60.0  # s between two checkpoints
@@ -31,6 +32,7 @@ def add(parser: ArgumentParser) -> None:
         metavar="TIME",
         help="the time between two further checkpoints (60s)",
     )
+    add_real_time(parser)
     add_output(parser, "runs", "run folders")
     parser.set_defaults(
         vs=None, labels="", figures="png", style="screen", animate=False, profile=False, watch=False

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from runtime.arguments import Once, add_output, seconds, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
-from runtime.cli.commands.simulating import saved, simulated
+from runtime.cli.commands.simulating import add_real_time, pacing_of, saved, simulated
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
 
@@ -67,6 +67,7 @@ def add(parser: ArgumentParser) -> None:
         help="write the state of the run that often, as 60s or 5min of the clock: "
         "'runtime resume' goes on after whatever ended it",
     )
+    add_real_time(parser)
     parser.add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
 
@@ -102,6 +103,7 @@ def finished(
 
     compared = rivals(graph, options.vs)
     _check_options(graph, options)
+    pacing = pacing_of(options)
     profile = Profile() if options.profile else None
     quiet = options.quiet or options.json
     draft = Draft(new_folder(Path(options.out), graph.title))
@@ -109,7 +111,7 @@ def finished(
         _report_leftovers(draft.folder.parent)
     with Interrupts() as interrupts:
         every = options.checkpoint or 0.0
-        result, failure = simulated(graph, quiet, profile, draft, every, source)
+        result, failure = simulated(graph, quiet, profile, draft, every, source, pacing)
         folder = saved(result, draft)
     if folder == draft.folder:
         link_latest(folder)
@@ -309,6 +311,8 @@ def _summary(
 ) -> dict[str, Any]:
     manifest = result.manifest
     more: dict[str, Any] = {"profile": rows} if rows else {}
+    if "real_time" in manifest:
+        more["real_time"] = manifest["real_time"]
     if options.vs in others:
         more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
     return {
@@ -350,6 +354,10 @@ def _print_result(
         f"({per_tick}{manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
+    if "real_time" in manifest:
+        from runtime.runs import pacing_text
+
+        show(pacing_text(manifest["real_time"]))
     if result.metrics and others:
         own = next(iter(others))[0] if len(others) == 1 else "as written"
         head = ("", own, *(second for _, second in others))

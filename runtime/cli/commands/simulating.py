@@ -1,20 +1,68 @@
-"""One run of the command line: simulated with progress, and its folder written."""
+"""One run of the command line: its options, simulated with progress, and its folder written."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.arguments import Once, at_least
 from runtime.errors import SimulationError, UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
     from collections.abc import Mapping
 
     from blocks.core import FloatArray
     from runtime.engine import Profile
     from runtime.graph import Graph
-    from runtime.runs import Draft, Result
+    from runtime.runs import Draft, Pacing, Result
+
+
+def add_real_time(parser: ArgumentParser) -> None:
+    """Declare the options of a run in real time."""
+    parser.add_argument(
+        "--real-time",
+        action="store_true",
+        help="let every tick wait for the clock, and report how late ticks were",
+    )
+    parser.add_argument(
+        "--speed",
+        action=Once,
+        type=at_least(0.0, above=True),
+        metavar="FACTOR",
+        help="with --real-time: seconds of the graph in one of the clock (1)",
+    )
+    parser.add_argument(
+        "--overrun",
+        choices=("catch-up", "skip"),
+        help="with --real-time, where ticks end after the next are due: run without waiting "
+        "until the clock is reached (catch-up, the default), or leave out the due times that "
+        "have passed, and stay behind (skip)",
+    )
+    parser.add_argument(
+        "--priority",
+        action="store_true",
+        help="with --real-time: run under SCHED_FIFO, if the system has and allows it",
+    )
+
+
+def pacing_of(options: Namespace) -> Pacing | None:
+    """The pacing of a run in real time; None for one that is as fast as it can be.
+
+    Raises
+    ------
+    UsageError : an option of real time is given without it.
+    """
+    if options.real_time:
+        from runtime.runs import Pacing
+
+        overrun = options.overrun or "catch-up"
+        return Pacing(options.speed or 1.0, overrun, options.priority)
+    for name in ("speed", "overrun", "priority"):
+        if getattr(options, name):
+            raise UsageError(f"--{name}: is for runs that wait for the clock; add --real-time")
+    return None
 
 
 def simulated(
@@ -24,10 +72,12 @@ def simulated(
     draft: Draft,
     every: float = 0.0,
     source: tuple[Path, Mapping[str, FloatArray]] | None = None,
+    pacing: Pacing | None = None,
 ) -> tuple[Result, SimulationError | None]:
     """The result, and the error that ended the run early, if any.
 
-    ``every`` is the time between two checkpoints (s), ``source`` one to go on from.
+    ``every`` is the time between two checkpoints (s), ``source`` one to go on from, ``pacing``
+    that of a run in real time.
     """
     from runtime.engine import silent
     from runtime.runs import Result, simulate
@@ -44,7 +94,7 @@ def simulated(
             from runtime.runs import Checkpoints
 
             checkpoints = Checkpoints(folder, every, source)
-        return simulate(prepared, progress, note, profile, folder, checkpoints), None
+        return simulate(prepared, progress, note, profile, folder, checkpoints, pacing), None
     except SimulationError as error:
         if not isinstance(error.result, Result):
             draft.close()

@@ -309,14 +309,17 @@ class CompiledRunner:
         drive: Callable[[int, int], None] = scope["drive"]
         return drive
 
-    def locate(self, error: BaseException) -> tuple[int, str]:
-        """The tick and the block that raised an exception."""
-        trace = error.__traceback__
+    def locate(self, error: BaseException) -> tuple[int, str] | None:
+        """The tick and the block that raised an exception; None if it was between two calls."""
+        trace, is_inside = error.__traceback__, False
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == DRIVER and trace.tb_lineno in self.text.lines:
                 tick = int(trace.tb_frame.f_locals.get("k", self.memory.tick))
                 return tick, self.text.lines[trace.tb_lineno]
+            is_inside |= trace.tb_frame.f_code.co_filename == __file__
             trace = trace.tb_next
+        if not is_inside:
+            return None
         return self.memory.tick, self.text.calls[self.memory.at].block if self.text.calls else ""
 
 

@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv  # noqa: E402
 
 import spikeblocks.gym  # noqa: E402
+from runtime.graph import open_session  # noqa: E402
 
 BALANCE = "gallery/cart_pole_balance"
 ENGINES = ("python", "compiled")
@@ -185,6 +186,8 @@ def test_what_differs_in_an_episode() -> None:
         env.reset(options={"plce.initial": [0.0, 0.0]})
 
 
+# Python 3.12 warns of a fork while threads of the numerical libraries run.
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 @pytest.mark.parametrize("kind", [SyncVectorEnv, AsyncVectorEnv])
 def test_vectors_of_environments(kind: Any) -> None:
     env = kind([partial(balance), partial(balance)])
@@ -214,7 +217,10 @@ def test_the_registered_name() -> None:
         ({"reward": "place.out"}, r"reward: 'place.out' has 2 numbers; name one, .* place.out.0"),
         ({"terminated": "place.out"}, "terminated: 'place.out' has 2 numbers"),
         ({"info": ["sped.out"]}, "did you mean 'speed'"),
-        ({"steps": 0}, "expected steps of at least 1 tick, got 0"),
+        ({"steps": 0}, "steps: expected a whole number of at least 1 tick, got 0"),
+        ({"steps": 2.5}, "steps: expected a whole number of at least 1 tick, got 2.5"),
+        ({"reward": None}, "reward: expected an address or a function, got None"),
+        ({"start": lambda rng: 5}, "start: expected values by their addresses, .* got 5"),
     ],
 )
 def test_what_is_wrong_with_an_environment(options: dict[str, Any], message: str) -> None:
@@ -242,6 +248,7 @@ def test_what_is_wrong_with_an_action() -> None:
         (np.zeros(2), r"expected an action of shape \(3,\): push, pull; got shape \(2,\)"),
         (np.array([0.0, 2.0, 0.0]), r"'pull\[0\]': expected at most 1, got 2"),
         (np.array([np.nan, 0.0, 0.0]), "'push': expected a finite number"),
+        ("left", "expected an action of numbers, got 'left'"),
     ):
         with pytest.raises(runtime.UsageError, match=message):
             env.step(action)
@@ -251,6 +258,27 @@ def test_what_is_wrong_with_an_action() -> None:
         other.step({"push": np.zeros(1)})
     with pytest.raises(runtime.UsageError, match=r"'pull': expected an action of shape \(2,\)"):
         other.step({"push": np.zeros(1), "pull": np.zeros(3)})
+
+
+def test_what_is_wrong_with_a_reward() -> None:
+    env = make(reward=lambda *_: None)
+    env.reset(seed=1)
+    with pytest.raises(runtime.UsageError, match="reward: expected a number, got None"):
+        env.step(np.zeros(3))
+    with pytest.raises(runtime.UsageError, match="options: expected values by their addresses"):
+        env.reset(options=[1])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_episode_is_a_session_that_replays(engine: str, tmp_path: Path) -> None:
+    env = balance(engine)
+    env.reset(seed=1)
+    assert played(env, 6).shape[0] > 5
+    again = open_session(env.session.save(tmp_path / "episode"))
+    ours, theirs = env.session.result(), again.result()
+    for probe in ours.probes:
+        assert np.array_equal(ours[probe], theirs[probe])
+    assert ours["position"].shape == (env.session.tick,)
 
 
 def test_an_episode_that_failed_can_begin_again() -> None:
@@ -266,6 +294,7 @@ def test_an_episode_that_failed_can_begin_again() -> None:
     assert env.step(np.zeros(3))[4]["t"] == pytest.approx(4.0)
 
 
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_the_python_of_the_page_runs() -> None:
     page = (Path(runtime.PACKAGE) / "docs" / "gym.md").read_text(encoding="utf-8")
     first, vector = re.findall(r"```python\n(.*?)```", page, re.S)
