@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from blocks.core import FloatArray
 from runtime.compare.runs import Run
 from runtime.files import slug
-from runtime.observation import PlotSpec, Recording
+from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import (
     LOOKS,
+    OVERLAID,
     STYLE,
     WIDTH,
     arrange,
@@ -26,6 +27,7 @@ from runtime.plots import (
     disable_math,
     display_names,
     draw,
+    draw_parts,
     draw_series,
     draw_trajectory,
     draw_wall_distance,
@@ -44,10 +46,12 @@ from runtime.plots import (
     separate_notes,
     stacked_axes,
     time_axis,
+    write_note,
     write_title,
 )
 
 FEW = 6  # columns that have an axes each; of more, the RMS is shown
+PAGE = 9.0  # inches, the highest figure of a page
 FIRST, LATER = 2.0, 1.0  # widths: a line that another one covers is visible on both sides
 
 
@@ -91,29 +95,43 @@ def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, 
 
 
 def versus(runs: Sequence[Run], plot: PlotSpec, look: str = "screen") -> Figure:
-    """Draw a plot of the first run with the other runs in it, as far as its kind can show them.
+    """Draw a plot of the first run with the other runs in it.
 
-    Trajectories and maps show the path of each run, wall distances the error of each, time series
-    an axes for each column; of any other kind the first run alone is shown.
+    Trajectories and maps show the path of each run, wall distances the error of each, curves
+    against each other and spectra a curve of each, time series an axes for each column. Of other
+    kinds, whose pictures cannot lie on each other, the figure has a part for each run. Runs
+    without a signal of the plot are left out, with a note.
     """
-    first = runs[0].result
     figure: Figure | None = None
     if plot.kind in ("trajectory", "map"):
-        figure = _plane(runs, plot, list(first.probes), look)
-    elif plot.kind == "wall_distance":
-        figure = _wall_distance(runs, plot, look)
+        figure = _plane(runs, plot, list(runs[0].result.probes), look)
     elif plot.kind == "timeseries":
-        panels: dict[str, Sequence[_Line]] = {}
-        shown: list[Recording] = []
-        for name in plot.of:
-            recordings = {run.label: run.result.probes.get(name) for run in runs}
-            recorded = {label: r for label, r in recordings.items() if r is not None and len(r.t)}
-            if recorded:
-                panels |= {f"{label}\0{name}": own for label, own in _panels(recorded).items()}
-                shown += recorded.values()
-        if panels:
-            figure = _columns(runs, plot.title, panels, shown, look, plot)
-    return draw(plot, first, look) if figure is None else figure
+        figure = _timeseries(runs, plot, look)
+    if figure is not None:
+        return figure
+    shown = {r.label: r.result for r in runs if all(n in r.result.probes for n in plot.of)}
+    if len(shown) < 2:
+        figure = draw(plot, runs[0].result, look)
+        missing = ", ".join(run.label for run in runs if run.label not in shown)
+        write_note(figure.axes[0], f"not recorded: {missing}")
+        separate_notes(figure)
+        return figure
+    if plot.kind in OVERLAID or plot.kind == "wall_distance":
+        return _overlaid(runs, plot, look, shown)
+    return _parts(plot, look, shown)
+
+
+def _timeseries(runs: Sequence[Run], plot: PlotSpec, look: str) -> Figure | None:
+    """The columns of a plot over time, an axes for each; None where nothing was recorded."""
+    panels: dict[str, Sequence[_Line]] = {}
+    shown: list[Recording] = []
+    for name in plot.of:
+        recordings = {run.label: run.result.probes.get(name) for run in runs}
+        recorded = {label: r for label, r in recordings.items() if r is not None and len(r.t)}
+        if recorded:
+            panels |= {f"{label}\0{name}": own for label, own in _panels(recorded).items()}
+            shown += recorded.values()
+    return _columns(runs, plot.title, panels, shown, look, plot) if panels else None
 
 
 def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> list[Path]:
@@ -270,23 +288,49 @@ def _plane(
 
 
 def _finish(figure: Figure, top: Axes, runs: Sequence[Run], plot: PlotSpec, look: str) -> None:
-    """Apply the plot's own options and the title; its labels are of one run, and left out."""
-    arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
+    """Apply the plot's own options and the title, without labels of one run."""
+    options = dict(plot.options)
+    if plot.kind != "xy" or len(plot.of) > 2:  # there, they are names of its two axes
+        options["labels"] = ()
+    arrange(figure, top, replace(plot, options=options))
     write_title(top, plot.title, _subtitle(runs))
     disable_math(figure)
     fit(figure, LOOKS[look])
     separate_notes(figure)
 
 
-def _wall_distance(runs: Sequence[Run], plot: PlotSpec, look: str) -> Figure | None:
-    """The wall distances of all runs; None where fewer than two recorded their pose."""
-    shown = {run.label: run.result for run in runs if plot.of[0] in run.result.probes}
-    if len(shown) < 2:
-        return None
+def _overlaid(
+    runs: Sequence[Run], plot: PlotSpec, look: str, shown: Mapping[str, RunData]
+) -> Figure:
+    """The lines of all runs in the same axes."""
+    first = runs[0].result
     with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
         figure = Figure(layout="constrained")
-        top = draw_wall_distance(figure, plot, runs[0].result, shown)
+        if plot.kind == "wall_distance":
+            top = draw_wall_distance(figure, plot, first, shown)
+        else:
+            recorded = {n: [run.probes[p] for p in plot.of] for n, run in shown.items()}
+            own = [first.probes[name] for name in plot.of]
+            top = OVERLAID[plot.kind](figure, own, run_end(first), recorded)
         _finish(figure, top, runs, plot, look)
+    return figure
+
+
+def _parts(plot: PlotSpec, look: str, shown: Mapping[str, RunData]) -> Figure:
+    """A part of the figure for each run, with its label above it."""
+    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
+        figure = Figure(layout="constrained")
+        page = LOOKS[look]
+        tops = draw_parts(figure, plot, shown, page.width is not None)
+        fit(figure, replace(page, height=min(PAGE, page.height * len(shown))))
+        for top, (label, result) in zip(tops, shown.items(), strict=True):
+            # On paper, titles are left to the caption; the labels are needed all the same.
+            if page.width is None:
+                write_title(top, f"{plot.title}: {label}", "  ·  ".join(facts(result)))
+            else:
+                top.set_title(label)
+        disable_math(figure)
+        separate_notes(figure)
     return figure
 
 

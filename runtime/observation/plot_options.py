@@ -24,11 +24,6 @@ class Figure(Options):
         None, unit="in", above=0.0, at_most=40.0, shape=(2,), doc="width and height in inches"
     )
     legend: bool = param(True, doc="whether the lines are named")
-
-
-class Overlaid(Figure):
-    """Another run in the same figure."""
-
     compare: str = param(
         "",
         doc="a change, as without=adaptive: `runtime run` also runs the graph with it, and draws "
@@ -36,7 +31,7 @@ class Overlaid(Figure):
     )
 
 
-class Levels(Overlaid):
+class Levels(Figure):
     """Marked levels of the vertical axis."""
 
     limits: FloatArray | None = param(
@@ -74,7 +69,7 @@ class Distance(Levels):
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
 
 
-class Plane(Overlaid):
+class Plane(Figure):
     """The robot in a plane, and the contact of its body with the graph's world."""
 
     body_radius: float | None = param(

@@ -24,7 +24,6 @@ from runtime.observation.plot_options import (
     Figure,
     Levels,
     Map,
-    Overlaid,
     Plane,
     Raster,
     Scans,
@@ -294,14 +293,12 @@ _OWN: dict[str, PlotKind] = {
     ),
     "xy": PlotKind(
         "the second signal of `of` over the first, as in a phase plane; further pairs likewise",
-        options=Overlaid,
         each=_columns,
         together=_in_pairs,
         has_lead=True,
     ),
     "spectrum": PlotKind(
         "power spectral density of columns, by Welch's method; one axis per unit",
-        options=Overlaid,
         each=_columns,
         together=_changing,
     ),

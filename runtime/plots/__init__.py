@@ -34,6 +34,8 @@ from runtime.plots.map import (
     mark_contacts,
     view_limits,
 )
+from runtime.plots.painters import OVERLAID
+from runtime.plots.parts import draw_parts
 from runtime.plots.raster import mean_rate
 from runtime.plots.style import (
     COLOURS,
@@ -57,6 +59,7 @@ from runtime.plots.style import (
     symbol,
     thin,
     time_axis,
+    write_note,
 )
 from runtime.plots.titles import facts, separate_notes, write_title
 from runtime.plots.trajectory import draw_trajectory, equal_scales
@@ -67,6 +70,7 @@ __all__ = [
     "GREY",
     "LINESTYLES",
     "LOOKS",
+    "OVERLAID",
     "STYLE",
     "WIDTH",
     "LinearSystem",
@@ -83,6 +87,7 @@ __all__ = [
     "draw_locus",
     "draw_margins",
     "draw_nyquist",
+    "draw_parts",
     "draw_series",
     "draw_trajectory",
     "draw_wall_distance",
@@ -109,5 +114,6 @@ __all__ = [
     "thin",
     "time_axis",
     "view_limits",
+    "write_note",
     "write_title",
 ]

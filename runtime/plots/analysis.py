@@ -6,7 +6,9 @@ In: recordings. Out: the second column over the first (``xy``), or the power den
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,69 +22,154 @@ from runtime.plots import style
 SEGMENTS, SHORTEST = 8, 256
 
 
-def draw_xy(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+def draw_xy(
+    figure: Figure,
+    recordings: Sequence[Recording],
+    end: float,
+    others: Mapping[str, Sequence[Recording]] | None = None,
+) -> Axes:
     """Draw the second signal over the first, the fourth over the third, and so on.
 
     The start of each curve is marked by a dot.
+
+    Parameters
+    ----------
+    others : the recordings of all runs by label, these ones first, if several are drawn.
     """
     figure.set_size_inches(style.WIDTH, 0.75 * style.WIDTH)
     axes = figure.add_subplot()
     style.place_power(axes)
-    columns = list(_columns(recordings))
-    names = style.short_labels([label for label, *_ in columns])
-    pairs = list(zip(columns[::2], columns[1::2], names[::2], names[1::2], strict=False))
-    for i, (across, up, name, other) in enumerate(pairs):
-        x, y = across[3], up[3]
+    curves = _curves(recordings)
+    for label, how, (x, y) in _looks(curves, others):
         if len(x):
-            how = style.line_style(i)
-            axes.plot(x, y, label=f"{other} over {name}", **how)
-            axes.plot(x[:1], y[:1], "o", color=how.get("color"), markersize=4.0)
+            axes.plot(x, y, label=label, **how)
+            axes.plot(x[:1], y[:1], "o", color=how["color"], markersize=4.0)
     if not axes.lines:
         style.explain_empty(axes)
-    for labels, units, write in (
-        (names[::2], [pair[0][1] for pair in pairs], axes.set_xlabel),
-        (names[1::2], [pair[1][1] for pair in pairs], axes.set_ylabel),
-    ):
-        unit = units[0] if len(set(units)) == 1 else ""
-        write(style.axis_label(list(dict.fromkeys(labels)), unit))
-    if pairs and {column[1] for pair in pairs for column in pair[:2]} == {"m"}:
+    writers: tuple[Callable[[str], object], ...] = (axes.set_xlabel, axes.set_ylabel)
+    for i, write in enumerate(writers):
+        units = {curve.units[i] for curve in curves}
+        names = list(dict.fromkeys(curve.names[i] for curve in curves))
+        write(style.axis_label(names, units.pop() if len(units) == 1 else ""))
+    if {unit for curve in curves for unit in curve.units} == {"m"}:
         axes.set_aspect("equal")  # a plane: a circle is one
-    if len(pairs) > 1:
-        style.add_legend(axes)
+    style.add_legend(axes)
     return axes
 
 
-def draw_spectrum(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
-    """Draw the power spectral density of each column, one axes per unit.
+@dataclass(frozen=True)
+class _Curve:
+    """Columns against each other: one name, unit and array (rows,) per direction of the axes."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    points: tuple[FloatArray, ...]
+
+    @property
+    def label(self) -> str:
+        return " over ".join(reversed(self.names))
+
+
+def _curves(recordings: Sequence[Recording]) -> list[_Curve]:
+    columns = list(_columns(recordings))
+    names = style.short_labels([label for label, *_ in columns])
+    pairs = [slice(i, i + 2) for i in range(0, len(columns) - 1, 2)]
+    return [
+        _Curve(
+            tuple(names[at]),
+            tuple(unit for _, unit, *_ in columns[at]),
+            tuple(values for *_, values in columns[at]),
+        )
+        for at in pairs
+    ]
+
+
+def _looks(
+    curves: Sequence[_Curve], others: Mapping[str, Sequence[Recording]] | None
+) -> Iterator[tuple[str, dict[str, Any], tuple[FloatArray, ...]]]:
+    """Label, look and points of each curve of each run.
+
+    The colour tells runs apart, or with several curves per run the curves, and dashes the runs.
+    """
+    if others is None:
+        for i, curve in enumerate(curves):
+            yield curve.label, style.line_style(i), curve.points
+        return
+    for i, (run, recordings) in enumerate(others.items()):
+        # Of a removed block nothing is recorded: the names are those of the first run.
+        own = _curves(recordings)
+        for k, (curve, name) in enumerate(zip(own, curves, strict=False)):
+            if len(curves) == 1:
+                yield run, _run_style(i), curve.points
+            else:
+                dashes = style.LINESTYLES[i % len(style.LINESTYLES)]
+                how = _run_style(i) | {"color": style.line_style(k)["color"], "linestyle": dashes}
+                yield f"{name.label}, {run}", how, curve.points
+
+
+def _run_style(i: int) -> dict[str, Any]:
+    """The look of the i-th run; the first is wider, so that it is seen where others cover it."""
+    return style.line_style(i) | {"linewidth": 1.0 if i else 2.0}
+
+
+def draw_spectrum(
+    figure: Figure,
+    recordings: Sequence[Recording],
+    end: float,
+    others: Mapping[str, Sequence[Recording]] | None = None,
+) -> Axes:
+    """Draw the power spectral density of each column, one axes per unit, or per column of runs.
 
     Welch's method with Hann windows, means removed: the area under a curve is the variance.
+
+    Parameters
+    ----------
+    others : the recordings of all runs by label, these ones first, if several are drawn.
     """
-    groups: dict[str, list[tuple[str, FloatArray, FloatArray]]] = {}
-    for label, unit, t, values in _columns(recordings):
-        frequencies, power = density(values, style.row_spacing(t, end))
-        groups.setdefault(unit, []).append((label, frequencies, power))
-    figure.set_size_inches(style.WIDTH, 1.1 + 2.2 * max(1, len(groups)))
-    column = style.stacked_axes(figure, max(1, len(groups)))
-    hertz = style.frequency_unit(recordings)
-    hertz = f"({hertz})" if "/" in hertz else hertz
-    for axes, (unit, lines) in zip(column, groups.items(), strict=False):
-        names = style.short_labels([label for label, *_ in lines])
-        for i, ((_, frequencies, power), name) in enumerate(zip(lines, names, strict=True)):
-            positive = power > 0.0
-            if positive[1:].any():
-                style_of = style.line_style(i)
-                axes.loglog(
-                    frequencies[1:], np.where(positive, power, np.nan)[1:], label=name, **style_of
-                )
-        if not axes.lines:
-            style.explain_empty(axes, "constant, or too few rows")
+    panels: dict[tuple[str, str], list[tuple[str, FloatArray, FloatArray]]] = {}
+    for run, each in (others or {"": recordings}).items():
+        columns = list(_columns(each))
+        for label, unit, t, values in columns:
+            line = (run or label, *density(values, style.row_spacing(t, end)))
+            panels.setdefault((unit, label if run else ""), []).append(line)
+    figure.set_size_inches(style.WIDTH, 1.1 + 2.2 * max(1, len(panels)))
+    column = style.stacked_axes(figure, max(1, len(panels)))
+    titles = style.short_labels([label for _, label in panels])
+    for axes, ((unit, _), lines), title in zip(column, panels.items(), titles, strict=False):
+        labels = [label for label, *_ in lines]
+        if others:
+            _densities(axes, lines, labels, _run_style)
         else:
-            style.add_legend(axes)
-        density_unit = f"({unit})²/{hertz}" if "/" in unit else f"{unit}²/{hertz}"
-        density_unit = density_unit if unit else f"1/{hertz}"
-        axes.set_ylabel(f"power density [{density_unit}]")
+            _densities(axes, lines, style.short_labels(labels), style.line_style)
+        name = f"{title}\n" if len(panels) > 1 and others else ""
+        axes.set_ylabel(f"{name}power density [{_density_unit(unit, recordings)}]")
     column[-1].set_xlabel(f"frequency [{style.frequency_unit(recordings)}]")
     return column[0]
+
+
+def _densities(
+    axes: Axes,
+    lines: Sequence[tuple[str, FloatArray, FloatArray]],
+    names: Sequence[str],
+    look: Callable[[int], dict[str, Any]],
+) -> None:
+    """Draw one axes of a spectrum."""
+    for i, ((_, frequencies, power), name) in enumerate(zip(lines, names, strict=True)):
+        shown = np.where(power > 0.0, power, np.nan)[1:]
+        if np.isfinite(shown).any():
+            axes.loglog(frequencies[1:], shown, label=name, **look(i))
+    if axes.lines:
+        style.add_legend(axes)
+    else:
+        style.explain_empty(axes, "constant, or too few rows")
+
+
+def _density_unit(unit: str, recordings: Sequence[Recording]) -> str:
+    """m²/Hz of m; 1/Hz without a unit."""
+    hertz = style.frequency_unit(recordings)
+    hertz = f"({hertz})" if "/" in hertz else hertz
+    unit = f"({unit})" if "/" in unit else unit
+    return f"{unit}²/{hertz}" if unit else f"1/{hertz}"
 
 
 def density(values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

@@ -69,19 +69,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context({**style.STYLE, **looks.LOOKS[look].settings}):
         figure = ShownFigure(layout="constrained")
-        # A kind of a package names its function as "module:function", and is imported only when it
-        # is drawn.
-        painter = plot.definition.painter or PAINTERS[plot.kind]
-        if isinstance(painter, str):
-            module, _, function = painter.partition(":")
-            painter = getattr(import_module(module), function)
-        if plot.definition.in_world or plot.definition.with_options:
-            top = painter(figure, plot, result)
-        else:
-            recordings = [result.probes[name] for name in plot.of]
-            if plot.kind == "trajectory":
-                recordings += contacts(plot, [result])
-            top = painter(figure, recordings, style.run_end(result))
+        top = paint(figure, plot, result)
         if plot.options.get("events") in result.probes:
             style.mark_times(figure, result.probes[plot.options["events"]].t)
         arrange(figure, top, plot)
@@ -96,6 +84,24 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
     return figure
+
+
+def paint(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
+    """Draw a plot on an empty figure as its kind does, without titles and options of all kinds."""
+    # A kind of a package names its function as "module:function", and is imported only when it is
+    # drawn.
+    painter = plot.definition.painter or PAINTERS[plot.kind]
+    if isinstance(painter, str):
+        module, _, function = painter.partition(":")
+        painter = getattr(import_module(module), function)
+    if plot.definition.in_world or plot.definition.with_options:
+        top: Axes = painter(figure, plot, result)
+        return top
+    recordings = [result.probes[name] for name in plot.of]
+    if plot.kind == "trajectory":
+        recordings += contacts(plot, [result])
+    top = painter(figure, recordings, style.run_end(result))
+    return top
 
 
 def arrange(figure: Figure, top: Axes, plot: PlotSpec) -> None:

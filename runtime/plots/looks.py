@@ -69,11 +69,11 @@ def fit(figure: Figure, look: Look) -> None:
 
 def _narrow_legends(figure: Figure) -> None:
     """Place the legends of axes inside them, and those of the figure below it, a few in a row."""
-    for legend in list(figure.legends):
+    for owner, legend in [(part, i) for part in (figure, *figure.subfigs) for i in part.legends]:
         labels = [text.get_text() for text in legend.get_texts()]
         legend.remove()
         entries = [handle for handle in legend.legend_handles if handle is not None]
-        figure.legend(entries, labels, loc="outside lower center", ncols=_columns(labels))
+        owner.legend(entries, labels, loc="outside lower center", ncols=_columns(labels))
     for axes in figure.axes:
         beside = axes.get_legend()
         if beside is not None:

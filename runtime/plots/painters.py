@@ -37,3 +37,7 @@ PAINTERS: Mapping[str, Callable[..., Axes]] = {
     "wall_distance": draw_wall_distance,
     "scans": draw_scans,
 }
+
+# Those that draw the lines of several runs in the same axes: called with the recordings of all
+# runs by label as well.
+OVERLAID: Mapping[str, Callable[..., Axes]] = {"xy": draw_xy, "spectrum": draw_spectrum}
