@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from runtime.engine.recorder import Saved, recording_file
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
+    from runtime.engine.state import NotCopiedError
 else:
     __getattr__ = door(__name__)
 
@@ -30,6 +31,7 @@ __all__ = [
     "Engine",
     "Interrupts",
     "MakeRunner",
+    "NotCopiedError",
     "Offsets",
     "Outcome",
     "Point",

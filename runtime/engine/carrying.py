@@ -75,10 +75,13 @@ def adopt(engine: Engine, given: Carried) -> None:
     state = engine.state
     for name, array in state.arrays.items():
         array[...] = given.arrays[name]
-    for name in state.blocks:
-        _take_generators(state, name, given)
     for name in state.own:
-        _take_own(state, name, given.own.get(name, {}))
+        own = given.own.get(name, {})
+        for key in state.undeclared(name) - own.keys():
+            if f"{name}.{key}" not in given.generators:
+                delattr(state.blocks[name], key)
+        _take_own(state, name, own)
+    state.set_drawn(given.generators)
     _go_on(engine, given)
     engine.recorder.restore(given.recording)
     engine.is_checked = given.tick > 0
@@ -89,6 +92,7 @@ def adopt(engine: Engine, given: Carried) -> None:
 def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
     """Go on in a prepared engine of a changed graph, with what is the same in both."""
     state, entries = engine.state, engine.network.entries
+    taken: list[str] = []
     for name, entry in entries.items():
         old = before.network.entries.get(name)
         if old is None or old.cls.__name__ != entry.cls.__name__:
@@ -102,13 +106,18 @@ def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
             continue
         for key in keys:
             _take(state.arrays[f"{name}.{key}"], f"{name}.{key}", given, before.begun)
-        _take_generators(state, name, given)
+        taken.append(name)
         first = before.begun.own.get(name, {})
         moved = {
             k: v for k, v in given.own.get(name, {}).items() if not same_value(v, first.get(k))
         }
         _take_own(state, name, moved)
         engine.starting.guard(name, partial(entry.block.resume, state.blocks[name]))
+    drawn = state.drawn()
+    for key, bits in given.generators.items():
+        if key.rpartition(".")[0] in taken:
+            drawn[key] = bits
+    state.set_drawn(drawn)
     _take_run(engine, before, given)
     _go_on(engine, given)
     engine.recorder.restore(_same_probes(engine, before, given.recording))
@@ -132,26 +141,16 @@ def _take(array: FloatArray, name: str, given: Carried, first: Begun) -> None:
         array[...] = now
 
 
-def _take_generators(state: RunState, name: str, given: Carried) -> None:
-    block = state.blocks[name]
-    if "rng" in vars(block) and f"{name}.rng" not in given.generators:
-        block.rng.bit_generator.state = np.random.PCG64(block.seed).state
-    for key, bits in given.generators.items():
-        owner, _, attribute = key.rpartition(".")
-        if owner == name and (attribute == "rng" or attribute in vars(block)):
-            getattr(block, attribute).bit_generator.state = bits
-
-
 def _take_own(state: RunState, name: str, values: Mapping[str, Any]) -> None:
     """Put undeclared values in place: in arrays that are there, which others may refer to."""
     held = vars(state.blocks[name])
-    for key, value in values.items():
+    for key, value in copy.deepcopy(dict(values)).items():
         there = held.get(key)
         both = isinstance(there, np.ndarray) and isinstance(value, np.ndarray)
         if both and there.shape == value.shape and there.flags.writeable:  # type: ignore[union-attr]
             there[...] = value  # type: ignore[index]
         else:
-            setattr(state.blocks[name], key, copy.deepcopy(value))
+            setattr(state.blocks[name], key, value)
 
 
 def _go_on(engine: Engine, given: Carried) -> None:

@@ -33,10 +33,14 @@ class Reader:
             self._functions[signal] = self._made(signal)
         function, is_pure = self._functions[signal]
         state = engine.state
-        saved = None if is_pure else state.snapshot()
+        if is_pure:
+            return function(state.tick, state.tick + 1, state.held)[0]
+        # What an own block keeps undeclared is left alone: a copy that is put back would not be
+        # what other attributes refer to, and an output changes no memory (blocks.core.Block).
+        memory, generators = state.memory.copy(), state.drawn()
         (value,) = function(state.tick, state.tick + 1, state.held)
-        if saved is not None:
-            state.restore(saved)
+        state.memory[:] = memory
+        state.set_drawn(generators)
         return value
 
     def _made(self, signal: Signal) -> tuple[Callable[..., Any], bool]:

@@ -16,6 +16,7 @@ import hashlib
 import math
 import types
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -237,33 +238,57 @@ class RunState:
             put_back()
         for array, numbers in saved.apart.values():
             array[...] = numbers
+        self.set_drawn(saved.generators)
+
+    def set_drawn(self, generators: Mapping[str, Mapping[str, Any]]) -> None:
+        """Put bit generators into the states that :meth:`drawn` returned, of this run or another.
+
+        One that is not there yet, since its block makes it when it first draws, is made.
+        """
         for name, state in self.blocks.items():
             # Compiled code has its address: it stays, as it was before the block first drew.
-            if "rng" in vars(state) and f"{name}.rng" not in saved.generators:
+            if "rng" in vars(state) and f"{name}.rng" not in generators:
                 state.rng.bit_generator.state = np.random.PCG64(state.seed).state
-        for key, bits in saved.generators.items():
+        for key, bits in generators.items():
             name, _, attribute = key.rpartition(".")
-            getattr(self.blocks[name], attribute).bit_generator.state = bits
+            if name not in self.blocks:
+                continue
+            state = self.blocks[name]
+            if attribute != "rng" and attribute not in vars(state):
+                kind = getattr(np.random, str(bits["bit_generator"]))
+                setattr(state, attribute, np.random.Generator(kind()))
+            getattr(state, attribute).bit_generator.state = bits
 
     def begun(self) -> Begun:
         """A copy of the state before the first tick, by names."""
-        return Begun(self.copies(), {name: self.own_copies(name) for name in self.own})
+        own: dict[str, Mapping[str, Any]] = {}
+        for name in self.own:
+            with suppress(NotCopiedError):  # said where a copy is asked for
+                own[name] = self.own_copies(name)
+        return Begun(self.copies(), own)
 
     def copies(self) -> dict[str, FloatArray]:
         """Copies of the arrays, by name."""
         return {name: array.copy() for name, array in self.arrays.items()}
 
     def own_copies(self, name: str) -> dict[str, Any]:
-        """Copies of what an own block keeps undeclared; what cannot be copied stays as it is."""
-        held, found = vars(self.blocks[name]), {}
-        for key in self.undeclared(name):
-            if isinstance(held[key], np.random.Generator):
-                continue
-            try:
-                found[key] = copy.deepcopy(held[key])
-            except Exception:  # noqa: BLE001 -- copying runs code of the object
-                found[key] = held[key]
-        return found
+        """A copy of what an own block keeps undeclared, but for generators.
+
+        Raises
+        ------
+        NotCopiedError : something cannot be copied.
+        """
+        held = vars(self.blocks[name])
+        keys = self.undeclared(name)
+        kept = {k: held[k] for k in keys if not isinstance(held[k], np.random.Generator)}
+        try:
+            # Together, so that two that refer to the same object still do.
+            return copy.deepcopy(kept)
+        except Exception as error:  # copying runs code of the object
+            raise NotCopiedError(
+                f"block '{name}' keeps undeclared what cannot be copied ({error}); declare it as a "
+                "State, or keep numbers and arrays"
+            ) from error
 
     def drawn(self) -> dict[str, Mapping[str, Any]]:
         """The states of all bit generators, by ``block.attribute``."""

@@ -107,12 +107,18 @@ def resumable(path: str | Path, until: float | None = None) -> Resumable:
         end, unit = graph.network.until, graph.network.time_unit
         raise UsageError(f"'{folder}' is complete up to {end:g} {unit}; --until is how it goes on")
     rows = {name: recording.values for name, recording in run.probes.items()}
-    for checkpoint in found[:-1]:
+    wrong: list[str] = []
+    for checkpoint in found:
         try:
-            restored(checkpoint, rows)
-        except UsageError:
-            found.remove(checkpoint)
-    return Resumable(folder, graph, (found[0], rows))
+            tick = restored(checkpoint, rows)[0].tick
+        except UsageError as error:
+            wrong.append(str(error))
+            continue
+        if tick >= graph.network.ticks:
+            end = tick * graph.network.dt
+            raise UsageError(f"'{folder}' has come to {end:g} already; --until is how it goes on")
+        return Resumable(folder, graph, (checkpoint, rows))
+    raise UsageError("; ".join(wrong))
 
 
 def _newest(path: Path) -> Path:

@@ -25,12 +25,21 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.engine import Carried, Engine, Outcome, Saved, adopt, carried, same_value
+from runtime.engine import (
+    Carried,
+    Engine,
+    NotCopiedError,
+    Outcome,
+    Saved,
+    adopt,
+    carried,
+    same_value,
+)
 from runtime.errors import UsageError
-from runtime.files import write_whole
+from runtime.files import sha256, write_whole
 from runtime.observation import RunData
 from runtime.plan import Port
-from runtime.runs.folder import CHECKPOINT, read_arrays
+from runtime.runs.folder import CHECKPOINT, RESOLVED, read_arrays
 from runtime.streaming import save_arrays
 
 Progress = Callable[[int, int], None]
@@ -115,35 +124,23 @@ def store(folder: Path, engine: Engine) -> bytes:
     ------
     UsageError : a block keeps what no file can hold. OSError : it cannot be written.
     """
-    data = content(engine)
+    data = content(engine, digest_of(folder))
     if (folder / CHECKPOINT).exists():
         (folder / CHECKPOINT).replace(folder / BEFORE)
     write_whole(folder / CHECKPOINT, data)
     return data
 
 
-def content(engine: Engine) -> bytes:
-    """A checkpoint of an engine."""
-    given = carried(engine)
+def content(engine: Engine, graph: str = "") -> bytes:
+    """A checkpoint of an engine; ``graph`` is the digest of the graph's text."""
+    try:
+        given = carried(engine)
+    except NotCopiedError as error:
+        raise UsageError(str(error)) from None
     arrays = {f"state/{name}": array for name, array in given.arrays.items()}
     for (block, port), value in given.held.items():
         arrays[f"held/{block}.{port}"] = np.asarray(value, dtype=np.float64)
-    own: dict[str, dict[str, Any]] = {}
-    for block, values in given.own.items():
-        for key, value in values.items():
-            # What `start` computes anew, and the run has not changed, need not be stored.
-            if same_value(value, engine.begun.own[block].get(key)):
-                continue
-            if isinstance(value, np.ndarray) and value.dtype == np.float64:
-                arrays[f"own/{block}.{key}"] = value
-            elif isinstance(value, _PLAIN):
-                own.setdefault(block, {})[key] = value
-            else:
-                kind = type(value).__name__
-                raise UsageError(
-                    f"block '{block}' keeps state.{key} ({kind}), which no checkpoint can hold; "
-                    "declare it as a State, or keep numbers, strings and arrays of floats"
-                )
+    own = _own(engine, given, arrays)
     for name, (_, _, _, memory) in given.recording.items():
         if memory is not None:
             arrays[f"filter/{name}"] = memory
@@ -159,6 +156,7 @@ def content(engine: Engine) -> bytes:
         "notes": list(given.notes),
         "wall_s": engine.wall_s,
         "watched": engine.diagnosis.seen,
+        "graph": graph,
     }
     text = json.dumps(header, sort_keys=True)
     arrays["header"] = _as_array(text)
@@ -166,6 +164,35 @@ def content(engine: Engine) -> bytes:
     archive = io.BytesIO()
     save_arrays(archive, arrays)
     return archive.getvalue()
+
+
+def _own(
+    engine: Engine, given: Carried, arrays: dict[str, FloatArray]
+) -> dict[str, dict[str, Any]]:
+    """What own blocks keep undeclared and the run has changed; arrays go to the others."""
+    own: dict[str, dict[str, Any]] = {}
+    for block, values in given.own.items():
+        for key, value in values.items():
+            # What `start` computes anew, and the run has not changed, need not be stored.
+            if same_value(value, engine.begun.own.get(block, {}).get(key)):
+                continue
+            if isinstance(value, np.ndarray) and value.dtype == np.float64:
+                arrays[f"own/{block}.{key}"] = value
+            elif isinstance(value, _PLAIN):
+                own.setdefault(block, {})[key] = value
+            else:
+                kind = type(value).__name__
+                raise UsageError(
+                    f"block '{block}' keeps state.{key} ({kind}), which no checkpoint can hold; "
+                    "declare it as a State, or keep numbers, strings and arrays of floats"
+                )
+    return own
+
+
+def digest_of(folder: Path) -> str:
+    """The digest of the graph in the folder of a run or of its recording; '' if there is none."""
+    path = folder / RESOLVED
+    return sha256(path) if path.is_file() else ""
 
 
 def restored(path: Path, rows: Mapping[str, FloatArray]) -> tuple[Carried, dict[str, Any]]:
@@ -181,6 +208,8 @@ def restored(path: Path, rows: Mapping[str, FloatArray]) -> tuple[Carried, dict[
         header = json.loads(text)
         if _text(arrays["digest"]) != _digest(text, arrays):
             raise ValueError("its content is not what was written (SHA-256)")
+        if header["graph"] not in ("", digest_of(path.parent)):
+            raise ValueError(f"{RESOLVED} beside it is not the graph that ran")
         if header["checkpoint"] != VERSION:
             raise ValueError(f"it has version {header['checkpoint']}, this one reads {VERSION}")
         state = _under(arrays, "state/")

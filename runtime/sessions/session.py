@@ -8,7 +8,7 @@ that it takes to compute the same bits again.
 
 from __future__ import annotations
 
-import copy
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,18 +20,19 @@ from typing import Any, Protocol
 import numpy as np
 
 from blocks.core import ParameterError, hint
-from runtime.document import dump_yaml
+from runtime.document import dump_yaml, read_graph
 from runtime.engine import (
     BetweenTicks,
     Carried,
     Engine,
+    NotCopiedError,
     Reader,
     adopt,
     adopt_changed,
     carried,
 )
 from runtime.errors import SimulationError, UsageError
-from runtime.files import json_text, own_file, own_folder, system_errors, write_whole
+from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.network import Network
 from runtime.plan import Signal, Source
 from runtime.runs import (
@@ -80,6 +81,7 @@ class SessionSnapshot:
     """The state of a session at one time; it can be restored any number of times."""
 
     t: float
+    first: ChangeableGraph
     graph: ChangeableGraph
     engine: Engine
     carried: Carried
@@ -151,15 +153,18 @@ class Session:
         SimulationError : a block failed; every call repeats that until a snapshot is restored.
         KeyboardInterrupt : Ctrl-C was pressed; the session can go on from the tick it came to.
         """
-        ticks = seconds / self._engine.network.dt
+        number = isinstance(seconds, (int, float, np.number))
+        ticks = seconds / self._engine.network.dt if number else math.nan
         if not (math.isfinite(ticks) and ticks >= 0.0):
-            raise UsageError(f"expected a time of at least 0 to run, got {seconds}")
+            raise UsageError(f"expected a time of at least 0 to run, got {seconds!r}")
         return self.step(round(ticks))
 
     def step(self, ticks: int = 1) -> Session:
         """Do some ticks; returns itself."""
         self._check()
-        last = self.tick + ticks
+        if not isinstance(ticks, (int, np.integer)) or ticks < 0:
+            raise UsageError(f"expected a number of ticks of at least 0, got {ticks!r}")
+        last = self.tick + int(ticks)
         if last > self._engine.network.ticks:
             self._extend(last)
         try:
@@ -187,6 +192,7 @@ class Session:
         ------
         UsageError : there is no such address.
         """
+        self._check()
         if address not in self._readers:
             self._readers[address] = self._reader_of(address)
         value = self._readers[address]()
@@ -195,15 +201,22 @@ class Session:
     def _reader_of(self, address: str) -> Callable[[], Any]:
         """What reads an address in the present engine."""
         engine = self._engine
-        end = output_at(engine.network, address)
+        end = output_at(engine.network, str(address))
         kind = engine.network.types.get((end.block, end.port))
+        missing = UsageError(f"'{address}': there is no component '{end.component}'")
         if kind is None:
             array = getattr(engine.state.blocks[end.block], end.port)
-            return lambda: array[int(end.component)] if end.component else array
+            if not end.component:
+                return lambda: array
+            if not (end.component.isdecimal() and array.ndim and int(end.component) < len(array)):
+                raise missing
+            return lambda: array[int(end.component)]
         signal, read = Signal(end.block, end.port, kind), Reader(engine).read
         if not end.component:
             return partial(read, signal)
         columns = Source(signal, end.component).columns
+        if columns is None:
+            raise missing
         return lambda: np.asarray(read(signal))[columns]
 
     def write(self, port: str, value: Any) -> None:
@@ -258,7 +271,9 @@ class Session:
             return False  # said, with its place, by the check of the changed graph
         if not self._engine.retune(name, block):
             return False
-        self._unwritten[path] = value
+        place = f"blocks.{name}.{parameter}"
+        self._unwritten.pop(place, None)  # the last one counts
+        self._unwritten[place] = _plain(value)
         self._readers.clear()
         return True
 
@@ -279,12 +294,18 @@ class Session:
         self._change("replace", name, kind)
 
     def overlay(self, source: Any) -> None:
-        """Merge another graph over this one."""
+        """Merge another graph over this one; a file is read now, and its content is logged."""
+        if not isinstance(source, Mapping):
+            source = read_graph(source)[0].plain()
         self._change("overlay", source)
 
     def _change(self, call: str, *arguments: Any) -> None:
         self._check()
-        graph = getattr(self.graph, call)(*arguments)
+        try:
+            arguments = tuple(map(_plain, arguments))
+            graph = getattr(self.graph, call)(*arguments)
+        except (TypeError, AttributeError) as error:
+            raise UsageError(f"{call}: {error}") from None
         graph.check()
         if graph.network.dt != self._engine.network.dt:
             raise UsageError("run.dt cannot change in a session: ticks count its time")
@@ -292,7 +313,7 @@ class Session:
         self._note(call, *arguments)
 
     def _note(self, call: str, *arguments: Any) -> None:
-        self._log.append(Change(self.tick, call, tuple(map(copy.deepcopy, arguments))))
+        self._log.append(Change(self.tick, call, tuple(map(_plain, arguments))))
 
     def _extend(self, last: int) -> None:
         """Plan for a longer time: edges of sources are known up to ``run.until``."""
@@ -303,7 +324,7 @@ class Session:
     def _move_to(self, graph: ChangeableGraph) -> None:
         """Go on in an engine for a changed graph; nothing changes if it cannot start."""
         engine, before = self._prepared(graph), self._engine
-        adopt_changed(engine, before, carried(before))
+        adopt_changed(engine, before, _carried(before))
         self._graph = graph
         self._begin(engine)
 
@@ -312,12 +333,15 @@ class Session:
     def snapshot(self) -> SessionSnapshot:
         """The present state, recordings included."""
         self._check()
+        given = _carried(self._engine)
         return SessionSnapshot(
-            self.t, self.graph, self._engine, carried(self._engine), tuple(self._log)
+            self.t, self.first, self.graph, self._engine, given, tuple(self._log)
         )
 
     def restore(self, saved: SessionSnapshot) -> None:
         """Go back, or forth, to a snapshot of this session or of one that it was branched from."""
+        if not isinstance(saved, SessionSnapshot) or saved.first is not self.first:
+            raise UsageError("expected a snapshot of this session, or of one it was branched from")
         same = saved.engine is self._engine and saved.graph is self.graph
         engine = saved.engine if same else self._prepared(saved.graph)
         adopt(engine, saved.carried)
@@ -361,6 +385,10 @@ class Session:
             for each in self._log
         ]
         content = {"session": VERSION, "ticks": self.tick, "keep": self.keep, "changes": changes}
+        try:
+            text = json.dumps(content)  # infinity included, which json reads again
+        except TypeError as error:
+            raise UsageError(f"a change has a value that no file can hold: {error}") from None
         result = self.result()
         if place.exists():
             raise UsageError(f"'{place}' exists already; choose another folder")
@@ -372,7 +400,7 @@ class Session:
             write_whole(own_file(place / GRAPH), dump_yaml(plain))
             result.save(place / RUN)
             # Last: without it, the folder is no session.
-            write_whole(own_file(place / SESSION), json_text(content))
+            write_whole(own_file(place / SESSION), text)
         return place
 
     def __repr__(self) -> str:
@@ -394,6 +422,24 @@ class Session:
             self._engine = engine
             self._readers: dict[str, Callable[[], Any]] = {}
         self._failed = None
+
+
+def _carried(engine: Engine) -> Carried:
+    try:
+        return carried(engine)
+    except NotCopiedError as error:
+        raise UsageError(str(error)) from None
+
+
+def _plain(value: Any) -> Any:
+    """A copy of an argument as YAML has it: numbers of Python, lists and mappings."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return str(value) if isinstance(value, Path) else value
 
 
 def _is_numeric(value: Any) -> bool:

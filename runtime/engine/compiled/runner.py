@@ -311,6 +311,8 @@ class CompiledRunner:
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
         """The tick and the block that raised an exception; None if it was between two calls."""
+        if isinstance(error, CompiledError):  # raised again, perhaps, from elsewhere
+            return error.tick, error.block
         trace, is_inside = error.__traceback__, False
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == DRIVER and trace.tb_lineno in self.text.lines:

@@ -152,10 +152,20 @@ def test_a_checkpoint_of_another_graph_is_refused(cli: Run, tmp_path: Path) -> N
     assert cli("run", "servo.yaml", "--checkpoint", "1h", "--no-plots", "-q").returncode == 0
     folder = (tmp_path / "runs" / "servo" / "latest").resolve()
     written = folder / "graph.resolved.yaml"
-    written.write_text(written.read_text().replace("neurons: 20", "neurons: 21"))
-    done = cli("resume", str(folder), "--until", "0.2", "--no-plots", "-q")
-    assert done.returncode == 2 and "is of another graph" in done.stderr
+    whole = written.read_text()
+    for old, new in (
+        ("neurons: 20", "neurons: 21"),
+        ("gain: 2.0", "gain: 2.5"),
+        ("seed: 4", "seed: 5"),
+    ):
+        assert old in whole
+        written.write_text(whole.replace(old, new))
+        done = cli("resume", str(folder), "--until", "0.2", "--no-plots", "-q")
+        assert done.returncode == 2 and "is not the graph that ran" in done.stderr
+    written.write_text(whole)
     assert resumable(folder, 0.2).source[0].name == "checkpoint.npz"
+    with pytest.raises(runtime.UsageError, match="is complete up to 0.05 s"):
+        resumable(folder, 0.05)
 
 
 def test_what_no_file_can_hold_is_named() -> None:

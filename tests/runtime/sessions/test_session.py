@@ -328,3 +328,69 @@ def test_ctrl_c_waits_for_the_end_of_a_tick(engine: str) -> None:
     session.step(200 - session.tick)
     assert session.result()["n.out"].tolist() == list(range(200))
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+class Loose(blocks.Block):
+    """Keeps memory undeclared, against the rules: a generator and a count that it makes late."""
+
+    out = blocks.Output(blocks.Scalar)
+
+    def start(self, state: Any) -> None:
+        state.first, state.both = 100.0, [0.0]
+        state.again = state.both
+
+    def output(self, state: Any, t: float) -> float:
+        return float(state.both[0] + getattr(state, "first", 0.0) + getattr(state, "drawn", 0.0))
+
+    def update(self, state: Any, t: float) -> None:
+        if t > 0.005 and not hasattr(state, "mine"):
+            state.mine = np.random.Generator(np.random.MT19937(3))
+            del state.first
+        state.again[0] += 1.0
+        if hasattr(state, "mine"):
+            state.drawn = state.mine.normal()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("at", [0, 3, 12])
+def test_undeclared_memory_goes_over_to_a_branch(engine: str, at: int) -> None:
+    graph = runtime.Graph("loose", dt=0.001, until=0.03).add("n", Loose()).probe("n.out")
+    whole = graph.run(engine=engine)["n.out"]
+    session = graph.session(engine=engine).step(at)
+    saved, other = session.snapshot(), session.branch()
+    assert np.array_equal(other.step(30 - at).result()["n.out"], whole)
+    for _ in range(2):
+        assert session.read("n.out") == whole[at]
+        assert np.array_equal(session.step(30 - at).result()["n.out"], whole)
+        session.restore(saved)
+
+
+def test_what_was_found_by_an_attack(tmp_path: Path) -> None:
+    session = servo()
+    session.set("gain.gain", 3.0)
+    session.set("blocks.gain.gain", 4.0)
+    session.set("gain.gain", np.float32(5.0))
+    assert session.graph.to_dict()["blocks"]["gain"]["gain"] == 5.0  # type: ignore[index]
+    for wrong in (
+        lambda: session.read("x.out.nonsense"),
+        lambda: session.read("snn.spikes.55"),
+        lambda: session.read("snn.voltage.99"),
+        lambda: session.read("snn.voltage.-1"),
+        lambda: session.read("x.integral.0"),
+        lambda: session.step(2.5),  # type: ignore[arg-type]
+        lambda: session.step(-3),
+        lambda: session.run(None),  # type: ignore[arg-type]
+        lambda: session.restore(None),  # type: ignore[arg-type]
+        lambda: session.restore(servo().snapshot()),
+        lambda: session.replace("gain", 3),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(runtime.UsageError):
+            wrong()
+    (tmp_path / "over.yaml").write_text("blocks: {gain: {gain: 7.0}}")
+    session.step(np.int64(5))
+    session.overlay(tmp_path / "over.yaml")
+    session.set("noise.density", np.array(0.25))
+    session.step(5)
+    session.save(tmp_path / "a")
+    (tmp_path / "over.yaml").unlink()
+    assert same(open_session(tmp_path / "a").result(), session.result()) == []
