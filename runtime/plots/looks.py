@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MANY_NAMES = 4  # that a legend inside narrow axes may have
-NARROW = 16  # characters of a legend's entry, of which three fit into a column
+NARROW = 12  # characters of a legend's entry, of which three fit into a column
+
+NARROW_ZOOM = 0.66  # of a picture of space, with labels beside it
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,10 @@ def fit(figure: Figure, look: Look) -> None:
                 text.set_visible(False)
     if look.width < WIDTH:
         _narrow_legends(figure)
+        for axes in figure.axes:
+            space: Any = axes
+            if axes.name == "3d":  # its labels have no part in the layout
+                space.set_box_aspect(space.get_box_aspect(), zoom=NARROW_ZOOM)
 
 
 def _narrow_legends(figure: Figure) -> None:

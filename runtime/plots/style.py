@@ -304,11 +304,12 @@ def explain_empty(axes: Axes, text: str = "nothing recorded") -> None:
     """Write into an empty axes why it is empty, and remove its ticks."""
     axes.set_yticks([])
     axes.grid(False)
-    axes.text(
-        *(0.5, 0.5, text),
+    axes.annotate(
+        text,
+        xy=(0.5, 0.5),
+        xycoords="axes fraction",
         ha="center",
         va="center",
-        transform=axes.transAxes,
         color=GREY,
         style="italic",
     )
