@@ -13,7 +13,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from runtime.engine.carrying import Carried, adopt, adopt_changed, carried, same_value
     from runtime.engine.engine import Engine, Outcome
-    from runtime.engine.interrupts import Interrupts, interrupted_between_ticks, stoppable
+    from runtime.engine.interrupts import BetweenTicks, Interrupts, stoppable
     from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
@@ -25,6 +25,7 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = [
+    "BetweenTicks",
     "Carried",
     "Engine",
     "Interrupts",
@@ -40,7 +41,6 @@ __all__ = [
     "adopt",
     "adopt_changed",
     "carried",
-    "interrupted_between_ticks",
     "labels",
     "profile_text",
     "python_seconds",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -86,32 +86,36 @@ def stoppable() -> Iterator[None]:
         interrupts.armed = False
 
 
-@contextmanager
-def interrupted_between_ticks() -> Iterator[Callable[[int, int], None]]:
-    """A context in which Ctrl-C waits for the next call of the function that it gives.
+class BetweenTicks:
+    """A context in which Ctrl-C waits for the next call of ``check``.
 
     A tick is then done or not, so that a session can go on. A second Ctrl-C does not wait, since a
     block may never return. Does nothing where Python does not handle Ctrl-C itself.
     """
-    is_main = threading.current_thread() is threading.main_thread()
-    if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield lambda tick, total: None
-        return
-    caught = False
 
-    def handle(number: int, frame: FrameType | None) -> None:
-        nonlocal caught
-        if caught:
+    def __enter__(self) -> BetweenTicks:
+        self.caught = False
+        self.is_ours = False
+        # One call, and not a question before it: a session that is stepped does this every tick.
+        if threading.current_thread() is threading.main_thread():
+            before = signal.signal(signal.SIGINT, self._handle)
+            self.is_ours = before is signal.default_int_handler
+            if not self.is_ours:
+                signal.signal(signal.SIGINT, before)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.is_ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        if error[0] is None:
+            self.check()
+
+    def check(self, tick: int = 0, total: int = 0) -> None:
+        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
+        if self.caught:
             raise KeyboardInterrupt
-        caught = True
 
-    def check(tick: int, total: int) -> None:
-        if caught:
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.caught:
             raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, handle)
-    try:
-        yield check
-        check(0, 0)
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.caught = True

@@ -119,7 +119,8 @@ def _newest(path: Path) -> Path:
     """The folder of a run; that of a killed run is recovered first."""
     if path.is_dir() and not (path / MANIFEST).is_file():
         killed = [each for each in leftovers(path) if each.has_recording]
-        runs = [each.parent.name for each in path.glob(f"*/{MANIFEST}")]
+        # Their names begin with the date and time; 'latest' is a link to one of them.
+        runs = [m.parent.name for m in path.glob(f"*/{MANIFEST}") if not m.parent.is_symlink()]
         last = max(killed, key=lambda each: each.name, default=None)
         if last is not None and last.name > max(runs, default=""):
             folder = recover(last)

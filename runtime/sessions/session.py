@@ -22,13 +22,13 @@ import numpy as np
 from blocks.core import ParameterError, hint
 from runtime.document import dump_yaml
 from runtime.engine import (
+    BetweenTicks,
     Carried,
     Engine,
     Reader,
     adopt,
     adopt_changed,
     carried,
-    interrupted_between_ticks,
 )
 from runtime.errors import SimulationError, UsageError
 from runtime.files import json_text, own_file, own_folder, system_errors, write_whole
@@ -163,8 +163,8 @@ class Session:
         if last > self._engine.network.ticks:
             self._extend(last)
         try:
-            with interrupted_between_ticks() as check:
-                self._engine.advance(last, check, at_once=False)
+            with BetweenTicks() as interrupts:
+                self._engine.advance(last, interrupts.check, at_once=False)
         except SimulationError as error:
             self._failed = error
             error.result = self.result()
@@ -389,8 +389,10 @@ class Session:
         return engine
 
     def _begin(self, engine: Engine) -> None:
-        self._engine = engine
-        self._readers: dict[str, Callable[[], Any]] = {}
+        # What reads a signal is made of the engine's text: it stays where that does.
+        if engine is not getattr(self, "_engine", None):
+            self._engine = engine
+            self._readers: dict[str, Callable[[], Any]] = {}
         self._failed = None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
 HELP = "compute a saved session again, and compare every bit"
@@ -29,10 +30,12 @@ def run(options: Namespace) -> int:
     """Compute the session, and print what differs."""
     import numpy as np
 
-    from runtime.graph import open_session
+    from runtime.graph import is_session, open_session
     from runtime.runs import open_run
     from runtime.sessions import RUN
 
+    if not is_session(options.session):
+        raise UsageError(f"'{options.session}' is no saved session, which Session.save writes")
     saved = open_run(Path(options.session) / RUN)
     session = open_session(options.session)
     result = session.result()

@@ -86,17 +86,17 @@ def test_a_killed_run_goes_on(
     whole = runtime.load(tmp_path / "servo.yaml").run(engine=engine)
     moments, count = random.Random(kills), 0
     for _ in range(kills):
-        count += killed(script, tmp_path, engine, moments.uniform(0.0, 0.3))
-        done = cli("resume", "runs/servo", "--no-plots", "-q")
-        if done.returncode == 2:  # it was complete before it could be killed
-            assert "is complete up to" in done.stderr
+        if not killed(script, tmp_path, engine, moments.uniform(0.0, 0.3)):
             continue
+        count += 1
+        done = cli("resume", "runs/servo", "--no-plots", "-q")
         assert done.returncode == 0, done.stderr
         run = runtime.open(tmp_path / "runs" / "servo" / "latest")
+        assert any("went on at tick" in note for note in run.notes)
         for name in whole.probes:
             np.testing.assert_array_equal(run[name], whole[name], name)
         assert run.metrics == whole.metrics
-    assert count
+    assert count >= 0.8 * kills
 
 
 def test_a_complete_run_goes_on_for_longer(cli: Run, tmp_path: Path) -> None:

@@ -298,7 +298,8 @@ def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Pat
         done.returncode == 2
         and "a session has no method 'rite', did you mean 'write'?" in done.stderr
     )
-    assert cli("replay", "b").returncode == 2
+    done = cli("replay", "b")
+    assert done.returncode == 2 and "'b' is no saved session" in done.stderr
 
 
 class Interrupting(blocks.Block):
