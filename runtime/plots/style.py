@@ -339,6 +339,12 @@ def add_legend(axes: Axes) -> None:
         )
 
 
+def legend_height(count: int) -> float:
+    """The height (in) of a legend of so many lines beside an axes."""
+    # matplotlib's row: the font's size and half of it between two rows.
+    return (1.5 * float(STYLE["legend.fontsize"]) * count + 8.0) / 72.0
+
+
 def stacked_axes(figure: Figure, count: int, ratios: Sequence[float] | None = None) -> list[Axes]:
     """A column of axes that share their time axis."""
     count = max(1, count)
