@@ -31,6 +31,15 @@ class Figure(Options):
     )
 
 
+class Space(Figure):
+    """The third axis, and from where the three are seen."""
+
+    zlim: FloatArray | None = param(None, shape=(2,), doc="ends of the upward axis")
+    view: FloatArray = param(
+        [25.0, -60.0], unit="deg", shape=(2,), doc="elevation and azimuth from which it is seen"
+    )
+
+
 class Levels(Figure):
     """Marked levels of the vertical axis."""
 
@@ -102,8 +111,8 @@ def ordered(options: Mapping[str, Any]) -> Checks:
     if "compare" in options and not (kind in CHANGES and equals and what):
         message = f"expected a change, as in without=adaptive ({', '.join(CHANGES)}), got "
         yield "compare", message + show(options["compare"])
-    for key in ("xlim", "ylim"):
-        low, high = Figure.read(options)[key] if key in options else (0.0, 1.0)
+    for key in ("xlim", "ylim", "zlim"):
+        low, high = Space.read(options)[key] if key in options else (0.0, 1.0)
         if low >= high:
             yield key, f"expected the lower end first, as in [0, 1], got {show(options[key])}"
 

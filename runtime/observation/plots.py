@@ -27,6 +27,7 @@ from runtime.observation.plot_options import (
     Plane,
     Raster,
     Scans,
+    Space,
     moments,
     ordered,
 )
@@ -256,15 +257,26 @@ def _one_pose(probes: Sequence[Probe]) -> str:
     return f"expected one Pose, got {len(probes)} signals" if len(probes) > 1 else ""
 
 
-def _in_pairs(probes: Sequence[Probe]) -> str:
-    count = sum(math.prod(probe.shape) for probe in probes)
-    if count < 2 or count % 2:
-        return f"expected pairs of columns, across and up, as in [a.x, a.y]; got {count}"
-    if len({probe.every for probe in probes}) > 1:
-        return (
-            "signals of one plot xy must be recorded equally often; give their probes one 'every'"
-        )
-    return _changing(probes)
+def _in_groups(size: int) -> Callable[[Sequence[Probe]], str]:
+    """Why signals are not pairs or triples of columns that are recorded at the same times."""
+    kind, example = (
+        ("xy", "pairs of columns, across and up, as in [a.x, a.y]")
+        if size == 2
+        else ("xyz", "triples of columns, as in plant.position or [a.x, a.y, a.z]")
+    )
+
+    def problem(probes: Sequence[Probe]) -> str:
+        count = sum(math.prod(probe.shape) for probe in probes)
+        if count < size or count % size:
+            return f"expected {example}; got {count}"
+        if len({probe.every for probe in probes}) > 1:
+            return (
+                f"signals of one plot {kind} must be recorded equally often; give their probes one "
+                "'every'"
+            )
+        return _changing(probes)
+
+    return problem
 
 
 def _changing(probes: Sequence[Probe]) -> str:
@@ -294,7 +306,15 @@ _OWN: dict[str, PlotKind] = {
     "xy": PlotKind(
         "the second signal of `of` over the first, as in a phase plane; further pairs likewise",
         each=_columns,
-        together=_in_pairs,
+        together=_in_groups(2),
+        has_lead=True,
+    ),
+    "xyz": PlotKind(
+        "a curve in space through three columns of `of`, as a position, with its shadow on the "
+        "ground; further triples likewise; of equal scales where all units are one",
+        options=Space,
+        each=_columns,
+        together=_in_groups(3),
         has_lead=True,
     ),
     "spectrum": PlotKind(

@@ -1,7 +1,8 @@
 """Signals against each other, and over frequency.
 
-In: recordings. Out: the second column over the first (``xy``), or the power density of each column
-(``spectrum``): a sine of amplitude 2 m at 5 Hz is a peak at 5 Hz with an area of 2 m².
+In: recordings. Out: the second column over the first (``xy``), a curve in space through three
+(``xyz``), or the power density of each column (``spectrum``): a sine of amplitude 2 m at 5 Hz is a
+peak at 5 Hz with an area of 2 m².
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.observation import Recording
@@ -20,6 +22,11 @@ from runtime.plots import style
 
 # Segments of Welch's method: so many, or as many as are this long (rows).
 SEGMENTS, SHORTEST = 8, 256
+TICKS, ZOOM = 6, 0.95  # of the longest axis in space, and of its picture
+# The layout takes lines in space that are not clipped to be where their coordinates are in a plane.
+FREE: dict[str, Any] = {"clip_on": False, "in_layout": False}
+SHADOW: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0.5, **FREE}
+THINNEST = 0.2  # extent of an axis in space, as a share of the longest
 
 
 def draw_xy(
@@ -48,39 +55,112 @@ def draw_xy(
         style.explain_empty(axes)
     writers: tuple[Callable[[str], object], ...] = (axes.set_xlabel, axes.set_ylabel)
     for i, write in enumerate(writers):
-        units = {curve.units[i] for curve in curves}
-        names = list(dict.fromkeys(curve.names[i] for curve in curves))
-        write(style.axis_label(names, units.pop() if len(units) == 1 else ""))
+        write(_axis_label(curves, i))
     if {unit for curve in curves for unit in curve.units} == {"m"}:
         axes.set_aspect("equal")  # a plane: a circle is one
     style.add_legend(axes)
     return axes
 
 
+def _axis_label(curves: Sequence[_Curve], i: int) -> str:
+    units = {curve.units[i] for curve in curves}
+    names = list(dict.fromkeys(curve.names[i] for curve in curves))
+    return style.axis_label(names, units.pop() if len(units) == 1 else "")
+
+
+def draw_xyz(
+    figure: Figure,
+    recordings: Sequence[Recording],
+    end: float,
+    others: Mapping[str, Sequence[Recording]] | None = None,
+) -> Axes:
+    """Draw three columns as a curve in space, the next three as another, and so on.
+
+    The start of each curve is marked by a dot, and its shadow is drawn on the ground, without which
+    a picture of space does not tell what is near from what is high.
+
+    Parameters
+    ----------
+    others : the recordings of all runs by label, these ones first, if several are drawn.
+    """
+    figure.set_size_inches(style.WIDTH, 0.75 * style.WIDTH)
+    axes: Any = figure.add_subplot(projection="3d")
+    curves = _curves(recordings, 3)
+    shown = [(name, how, np.array(points)) for name, how, points in _looks(curves, others)]
+    places = np.concatenate([points for *_, points in shown], axis=1)
+    places = places[:, np.isfinite(places).all(axis=0)]
+    if places.size:
+        low, high = places.min(axis=1), places.max(axis=1)
+        is_equal = len({unit for curve in curves for unit in curve.units}) == 1
+        # An axis without extent, as of a flight at one height, would have no room for its labels.
+        least = THINNEST * float((high - low).max()) if is_equal else 0.0
+        room = np.maximum(0.0, least - (high - low)) / 2.0 + np.where(high > low, 0.0, 1e-9)
+        low, high = low - room, high + room
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        for label, how, points in shown:
+            ground = np.full(points.shape[1], axes.get_zlim()[0])
+            axes.plot(*points[:2], ground, **SHADOW)
+            axes.plot(*points, label=label, **how, **FREE)
+            axes.plot(*points[:, :1], "o", color=how["color"], markersize=4.0, **FREE)
+        if is_equal:
+            axes.set_aspect("equal")
+    else:
+        style.explain_empty(axes)
+    in_metres = {unit for curve in curves for unit in curve.units} == {"m"}
+    for i, name in enumerate("xyz"):
+        axes.set(**{f"{name}label": f"{name} [m]" if in_metres else _axis_label(curves, i)})
+    handles, labels = axes.get_legend_handles_labels()
+    if len(handles) > 1:
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    top: Axes = axes
+    return top
+
+
+def fit_space(axes: Any) -> None:
+    """Give three axes of equal scales the proportions of their limits, and ticks with room."""
+    ends = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
+    extents = np.abs(np.diff(ends)[:, 0])
+    if axes.get_aspect() != "equal":
+        extents = np.array([4.0, 4.0, 3.0])
+    axes.set_box_aspect(extents, zoom=ZOOM)
+    axes.xaxis.labelpad = axes.yaxis.labelpad = 7.0
+    axes.zaxis.labelpad = 0.0
+    for axis, extent in zip((axes.xaxis, axes.yaxis, axes.zaxis), extents, strict=True):
+        bins = max(2, round(TICKS * float(extent / extents.max())))
+        axis.set_major_locator(MaxNLocator(bins, steps=[1, 2, 5, 10]))
+
+
 @dataclass(frozen=True)
 class _Curve:
-    """Columns against each other: one name, unit and array (rows,) per direction of the axes."""
+    """Columns against each other: a label, name, unit and array (rows,) per direction."""
 
+    labels: tuple[str, ...]
     names: tuple[str, ...]
     units: tuple[str, ...]
     points: tuple[FloatArray, ...]
 
     @property
     def label(self) -> str:
-        return " over ".join(reversed(self.names))
+        """What it is called beside others: y over x, or plant.position."""
+        if len(self.names) == 2:
+            return " over ".join(reversed(self.names))
+        return style.signal_name(self.labels) or ", ".join(self.names)
 
 
-def _curves(recordings: Sequence[Recording]) -> list[_Curve]:
+def _curves(recordings: Sequence[Recording], size: int = 2) -> list[_Curve]:
+    """The columns in groups; in space, the names of each group are short by themselves."""
     columns = list(_columns(recordings))
-    names = style.short_labels([label for label, *_ in columns])
-    pairs = [slice(i, i + 2) for i in range(0, len(columns) - 1, 2)]
+    labels = [label for label, *_ in columns]
+    names = style.short_labels(labels)
+    groups = [slice(i, i + size) for i in range(0, len(columns) - size + 1, size)]
     return [
         _Curve(
-            tuple(names[at]),
+            tuple(labels[at]),
+            tuple(names[at] if size == 2 else style.short_labels(labels[at])),
             tuple(unit for _, unit, *_ in columns[at]),
             tuple(values for *_, values in columns[at]),
         )
-        for at in pairs
+        for at in groups
     ]
 
 
@@ -97,7 +177,7 @@ def _looks(
         return
     for i, (run, recordings) in enumerate(others.items()):
         # Of a removed block nothing is recorded: the names are those of the first run.
-        own = _curves(recordings)
+        own = _curves(recordings, len(curves[0].names))
         for k, (curve, name) in enumerate(zip(own, curves, strict=False)):
             if len(curves) == 1:
                 yield run, _run_style(i), curve.points

@@ -26,6 +26,7 @@ from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, RunData, plot_kind_names
 from runtime.plots import formulas, looks, style, titles
+from runtime.plots.analysis import fit_space
 from runtime.plots.map import contacts
 from runtime.plots.painters import PAINTERS
 from runtime.plots.trajectory import equal_scales
@@ -117,6 +118,11 @@ def arrange(figure: Figure, top: Axes, plot: PlotSpec) -> None:
             style.rescale(axes)
     if "ylim" in options:
         top.set_ylim(*options["ylim"])
+    if plot.kind == "xyz":
+        space: Any = top
+        space.set(zlim=options.get("zlim", space.get_zlim()))
+        space.view_init(*plot.definition.options.read(options)["view"])
+        fit_space(space)
     if "size" in options:
         figure.set_size_inches(*options["size"])
     labels = options.get("labels", ())

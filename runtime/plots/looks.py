@@ -11,13 +11,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from runtime.plots.style import WIDTH
+from runtime.plots.style import WIDTH, legend_height
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MANY_NAMES = 4  # that a legend inside narrow axes may have
-NARROW = 16  # characters of a legend's entry, of which three fit into a column
+NARROW = 12  # characters of a legend's entry, of which three fit into a column
+
+NARROW_ZOOM = 0.66  # of a picture of space, with labels beside it
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,10 @@ def fit(figure: Figure, look: Look) -> None:
                 text.set_visible(False)
     if look.width < WIDTH:
         _narrow_legends(figure)
+        for axes in figure.axes:
+            space: Any = axes
+            if axes.name == "3d":  # its labels have no part in the layout
+                space.set_box_aspect(space.get_box_aspect(), zoom=NARROW_ZOOM)
 
 
 def _narrow_legends(figure: Figure) -> None:
@@ -79,13 +86,26 @@ def _narrow_legends(figure: Figure) -> None:
         if beside is not None:
             handles, _ = axes.get_legend_handles_labels()
             labels = [text.get_text() for text in beside.get_texts()]
-            if len(labels) > MANY_NAMES and len(figure.axes) == 1:
+            if len(labels) > MANY_NAMES:
                 beside.remove()
-                figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels))
+                if len(figure.axes) == 1:
+                    below: dict[str, Any] = {"loc": "outside lower center"}
+                    figure.legend(handles, labels, ncols=_columns(labels), **below)
+                else:
+                    _place_above(figure, axes, handles, labels)
                 continue
             # Lines run behind it there: the frame keeps its text legible.
             over: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
             axes.legend(handles, labels, loc="best", **over)
+
+
+def _place_above(figure: Figure, axes: Axes, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """Place many names above one of several axes, for which the figure grows."""
+    columns = _columns(labels)
+    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+    axes.legend(handles, labels, ncols=columns, **place)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + legend_height(-(-len(labels) // columns)))
 
 
 def _columns(labels: Sequence[str]) -> int:

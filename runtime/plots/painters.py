@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 from matplotlib.axes import Axes
 
-from runtime.plots.analysis import draw_spectrum, draw_xy
+from runtime.plots.analysis import draw_spectrum, draw_xy, draw_xyz
 from runtime.plots.decoded import draw_decoded, draw_weights
 from runtime.plots.map import draw_map, draw_wall_distance
 from runtime.plots.raster import draw_raster
@@ -26,6 +26,7 @@ PAINTERS: Mapping[str, Callable[..., Axes]] = {
     "timeseries": draw_timeseries,
     "trajectory": draw_trajectory,
     "xy": draw_xy,
+    "xyz": draw_xyz,
     "spectrum": draw_spectrum,
     "raster": draw_raster,
     "tuning_curves": draw_tuning_curves,
@@ -40,4 +41,8 @@ PAINTERS: Mapping[str, Callable[..., Axes]] = {
 
 # Those that draw the lines of several runs in the same axes: called with the recordings of all
 # runs by label as well.
-OVERLAID: Mapping[str, Callable[..., Axes]] = {"xy": draw_xy, "spectrum": draw_spectrum}
+OVERLAID: Mapping[str, Callable[..., Axes]] = {
+    "xy": draw_xy,
+    "xyz": draw_xyz,
+    "spectrum": draw_spectrum,
+}

@@ -22,7 +22,7 @@ from blocks.core import FloatArray
 from runtime.observation import Recording
 from runtime.plots import style
 
-MANY_LINES = 10
+MANY_LINES = 14  # that colours and dashes tell apart; of more, colours show the index
 LINE_POINTS = 200_000
 HEAT_ROWS = 1_000
 FEW_ROWS = 12
@@ -66,8 +66,10 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
     names = dict(zip(every, shown_as, strict=True))
     # An axes that shows zero alone takes a third of the figure to say what one line of text does.
     groups, silent = _without_zeros(_merge_unitless(groups))
-    figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
-    column = style.stacked_axes(figure, len(groups))
+    counts = [len(lines) for lines in groups.values()]
+    heights = [max(1.55, style.legend_height(n) if n <= MANY_LINES else 0.0) for n in counts]
+    figure.set_size_inches(style.WIDTH, 1.1 + (sum(heights) or 1.55) + 0.5 * (len(groups) == 1))
+    column = style.stacked_axes(figure, len(groups), heights or None)
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
         line_names = [names[line.label] for line in lines]
         _lines(figure, axes, lines, line_names, end)

@@ -304,11 +304,12 @@ def explain_empty(axes: Axes, text: str = "nothing recorded") -> None:
     """Write into an empty axes why it is empty, and remove its ticks."""
     axes.set_yticks([])
     axes.grid(False)
-    axes.text(
-        *(0.5, 0.5, text),
+    axes.annotate(
+        text,
+        xy=(0.5, 0.5),
+        xycoords="axes fraction",
         ha="center",
         va="center",
-        transform=axes.transAxes,
         color=GREY,
         style="italic",
     )
@@ -336,6 +337,12 @@ def add_legend(axes: Axes) -> None:
         axes.legend(
             handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.2
         )
+
+
+def legend_height(count: int) -> float:
+    """The height (in) of a legend of so many lines beside an axes."""
+    # matplotlib's row: the font's size and half of it between two rows.
+    return (1.5 * float(STYLE["legend.fontsize"]) * count + 8.0) / 72.0
 
 
 def stacked_axes(figure: Figure, count: int, ratios: Sequence[float] | None = None) -> list[Axes]:

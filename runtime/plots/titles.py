@@ -33,7 +33,7 @@ def set_title(axes: Axes, title: str, result: RunData) -> None:
 
 def write_title(axes: Axes, title: str, subtitle: str) -> Text:
     """Write a title and a subtitle above an axes, and return the title."""
-    text = axes.set_title(title, pad=TITLE_HEIGHT)
+    text = axes.set_title(title, loc="left", pad=TITLE_HEIGHT)  # of three axes it is in the middle
     axes.annotate(
         subtitle,
         xy=(0.0, 1.0),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import runtime
 from runtime.errors import GraphError
 from runtime.graph import Graph
 from runtime.plots.analysis import density
@@ -62,3 +63,23 @@ def test_a_short_run_has_no_spectrum() -> None:
     assert density(np.ones(1), 0.1)[1].tolist() == [0.0]
     axes = shown("spectrum", ["position.out"], until=0.1)
     assert not axes.lines
+
+
+def test_a_flight_is_drawn_in_space_with_equal_scales() -> None:
+    flight = {"kind": "xyz", "of": ["quad.position", "path.position"]}
+    quadrotor = runtime.load("gallery/papers/quadrotor").overlay({"plots": {"flight": flight}})
+    result = quadrotor.run(until=0.5, engine="python")
+    axes: Any = draw(next(p for p in result.plots if p.name == "flight"), result).axes[0]
+    labelled = {line.get_label(): line for line in axes.lines}
+    for name in ("quad.position", "path.position"):
+        np.testing.assert_array_equal(np.transpose(labelled[name].get_data_3d()), result[name])
+    limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
+    extents, box = np.diff(limits)[:, 0], np.array(axes.get_box_aspect())
+    np.testing.assert_allclose(extents / extents.max(), box / box.max(), rtol=1e-9)
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()) == ("x [m]", "y [m]", "z [m]")
+
+
+def test_space_needs_three_columns_each() -> None:
+    plots = {"flight": {"kind": "xyz", "of": ["quad.position", "path.position[0]"]}}
+    with pytest.raises(GraphError, match="expected triples of columns"):
+        runtime.load("gallery/papers/quadrotor").overlay({"plots": plots}).check()

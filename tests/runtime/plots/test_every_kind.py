@@ -27,6 +27,7 @@ CASES: dict[str, tuple[dict[str, Any], list[tuple[str, str]]]] = {
     "timeseries": ({"of": ["plant.pose"]}, [("", "x, y [m]"), ("time [s]", "θ [rad]")]),
     "trajectory": ({"of": ["plant.pose"]}, [("x [m]", "y [m]")]),
     "xy": ({"of": ["plant.pose.x", "plant.pose.theta"]}, [("x [m]", "theta [rad]")]),
+    "xyz": ({"of": ["plant.pose"]}, [("x [m]", "y [m]")]),
     "spectrum": ({"of": ["plant.pose.x"]}, [("frequency [Hz]", "power density [m²/Hz]")]),
     "raster": (
         {"of": ["e.spikes"]},

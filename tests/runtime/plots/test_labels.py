@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.plots import display_names, layers
+from runtime.plots import display_names, draw, layers
 from runtime.plots.formulas import is_formula
 from runtime.plots.style import coincident
 from runtime.runs import Result
@@ -225,3 +225,21 @@ def test_watch_runs_again_after_each_save(file: Path, watching: subprocess.Popen
     _, errors = watching.communicate(timeout=60)
     assert watching.returncode == 0
     assert "did you mean 'label'?" in errors
+
+
+@pytest.mark.parametrize("look", ["screen", "paper"])
+def test_twelve_lines_have_twelve_looks_and_room_for_their_names(look: str) -> None:
+    names = [f"line_{i}" for i in range(12)]
+    blocks = {n: {"type": "Sine", "phase": 0.5 * i} for i, n in enumerate(names)}
+    probes = {"all": {"of": [f"{n}.out" for n in names], "label": names}}
+    plain = {"graph": "lines", "run": {"dt": 0.01, "until": 2.0}, "blocks": blocks}
+    plots = {"lines": {"kind": "timeseries", "of": "all"}}
+    result = runtime.load({**plain, "probes": probes, "plots": plots}).run(engine="python")
+    figure = draw(result.plots[0], result, look)
+    figure.draw_without_rendering()
+    lines = [line for line in figure.axes[0].lines if line.get_label() in names]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 12
+    (legend,) = [*figure.legends, *filter(None, (axes.get_legend() for axes in figure.axes))]
+    assert [text.get_text() for text in legend.get_texts()] == names
+    box, page = legend.get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1
