@@ -121,5 +121,5 @@ static APART int64_t attempt(struct plan *plan, const struct places *places, str
 
 def literal(value: float) -> str:
     if math.isnan(value):
-        return "NAN"
+        return "(double)NAN"  # the macro is a float
     return repr(value) if math.isfinite(value) else f"{'-' * (value < 0)}INFINITY"
