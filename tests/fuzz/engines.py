@@ -134,7 +134,11 @@ class Grower:
                 continue
             if declared.optional and port in ("error", "post") and "learning" not in entry:
                 continue
-            if isinstance(kind_of, Same):
+            if port == "control" and kind.endswith("KalmanFilter") and "B" not in entry:
+                continue
+            if isinstance(kind_of, Same) and kind.endswith("KalmanFilter"):
+                wanted = Scalar
+            elif isinstance(kind_of, Same):
                 wanted = variables.setdefault(kind_of.variable, self.some_type())
             elif kind_of.symbol in lengths:
                 wanted = kind_of.sized(lengths[str(kind_of.symbol)])
@@ -145,6 +149,8 @@ class Grower:
                 wanted = kind_of
             if declared.variadic:
                 number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
+                if kind.endswith("KalmanFilter"):
+                    number = 1  # as many as their matrices say
                 wires[port] = [self.output_of(wanted) for _ in range(number)]
                 if declared.spread:
                     lengths[declared.spread] = number
