@@ -23,6 +23,8 @@ def feed(kind: SignalType, dt: float, make: Callable[[np.random.Generator], Any]
     """A source of random values of a type, the same in every run."""
     draw = np.random.default_rng(0)
     values = [make(draw) for _ in range(TICKS + 1)]
+    if kind.form == "array":  # an output of a run is not NaN, a miss is infinite
+        values = [np.where(np.isnan(value), np.inf, value) for value in values]
 
     def output(self: Block, state: Any, t: float) -> Any:
         """A value."""
