@@ -120,21 +120,17 @@ class Param:
                 "numbers": "a mapping of names to numbers, as in {a: 1.5}",
                 "setting": "a setting",
             }[self.kind]
-        bounds = [
-            f"{word} {value:g}"
-            for word, value in (
-                ("above", self.above),
-                ("at least", self.at_least),
-                ("below", self.below),
-                ("at most", self.at_most),
-            )
-            if value is not None
-        ]
-        limits = " and ".join(bounds)
+        limits = self._limits()
         if not limits and self.unit:
             limits = "in"  # "a number in m", but "a number above 0 m"
         text = " ".join([noun, limits, self.unit]).replace("  ", " ").strip()
         return ", or ".join([text, *self.choices])
+
+    def _limits(self) -> str:
+        """The bounds in words: ``above 0 and at most 1``."""
+        bounds = {"above": self.above, "at least": self.at_least}
+        bounds |= {"below": self.below, "at most": self.at_most}
+        return " and ".join(f"{w} {value:g}" for w, value in bounds.items() if value is not None)
 
     def bound(self, name: str, kind: ParamKind | type[Setting]) -> Param:
         """The declaration, completed by its name and annotation in the class body."""

@@ -299,18 +299,24 @@ class Filter(Block, ABC):
                     p[i, j] = ring[first, n + i * n + j]
         for ago in range(oldest, 0, -1):
             row, then = (head - ago) % state.rows, t - ago * state.dt
-            ring[row, :n] = x
-            ring[row, n:at_u] = p.reshape(n * n)
+            self.keep(state, ring, row, x, p)
             was, fresh = ring[row, at_y:at_new].copy(), ring[row, at_new:].copy()
             self.correct(state, then, was, fresh, x, p)
             self.predict(state, then, ring[row, at_u:at_y].copy(), x, p)
         if state.rows > 0:
             row = head % state.rows
-            ring[row, :n] = x
-            ring[row, n:at_u] = p.reshape(n * n)
+            self.keep(state, ring, row, x, p)
             ring[row, at_y:at_new] = y
             ring[row, at_new:] = new
         self.correct(state, t, y, new, x, p)
+
+    def keep(
+        self, state: BlockState, ring: FloatArray, row: int, x: FloatArray, p: FloatArray
+    ) -> None:
+        """Write the x and P that a tick began with into its row."""
+        n = state.n
+        ring[row, :n] = x
+        ring[row, n : n + n * n] = p.reshape(n * n)
 
     def correct(
         self,

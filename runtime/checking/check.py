@@ -149,9 +149,7 @@ def context_for(
         lengths.update({symbol: n for symbol, n in spread.items() if symbol})
         _complete(block, lengths, resolve)
         types = {name: resolve(block.port_type(name)) for name in spec.ports}
-        for name, kind in given.items():
-            if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
-                raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
+        _check_given(block, given, types)
         terms = {name: (True,) * n for name, n in given_counts.items()}
         context = BlockContext(dt, types, terms, world, lengths)
         try:
@@ -161,6 +159,14 @@ def context_for(
         else:
             return context
     raise rejections[0]
+
+
+def _check_given(
+    block: Block, given: Mapping[str, SignalType], types: Mapping[str, SignalType]
+) -> None:
+    for name, kind in given.items():
+        if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
+            raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
 
 
 def _complete(

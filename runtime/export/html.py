@@ -26,7 +26,7 @@ from runtime.export.layout import Layout
 from runtime.export.names import member_name
 from runtime.export.selection import named_blocks, select
 from runtime.export.shown import Shown, shown
-from runtime.export.sliders import Slider, sliders, usual
+from runtime.export.sliders import Slider, given, sliders, usual
 from runtime.export.units import Units, write_units
 from runtime.export.wasm import module
 from runtime.files import own_file, own_folder, system_errors, write_whole
@@ -90,13 +90,17 @@ def export_page(
     with system_errors(f"write to '{folder}'"):
         place = own_folder(Path(folder))
         write_whole(own_file(place / file), text)
-    report = [f"{network.title}: {len(plots.plots)} plots, {len(made)} sliders"]
-    report += [f"  slider {s.label}: {s.numbers[0]:g} to {s.numbers[-1]:g}" for s in made]
-    report += [f"  not drawn in a page: {title}" for title in plots.left_out]
-    sizes = len(text) / 1000, len(packed) / 1000
-    report.append("  {:.0f} kB, of which {:.0f} kB are the module".format(*sizes))
-    outputs = tuple(map(".".join, selection.outputs))
-    return Exported(place, (file,), "\n".join(report) + "\n", (), outputs)
+    report = _report(network.title, plots, made, len(text), len(packed))
+    return Exported(place, (file,), report, (), tuple(map(".".join, selection.outputs)))
+
+
+def _report(title: str, plots: Shown, made: Sequence[Slider], size: int, module_size: int) -> str:
+    """What the page has, and its size in bytes with that of its module."""
+    lines = [f"{title}: {len(plots.plots)} plots, {len(made)} sliders"]
+    lines += [f"  slider {s.label}: {s.numbers[0]:g} to {s.numbers[-1]:g}" for s in made]
+    lines += [f"  not drawn in a page: {left_out}" for left_out in plots.left_out]
+    lines.append(f"  {size / 1e3:.0f} kB, of which {module_size / 1e3:.0f} kB are the module")
+    return "\n".join(lines) + "\n"
 
 
 def _data(layout: Layout, plots: Shown, made: Sequence[Slider]) -> dict[str, Any]:
@@ -109,6 +113,7 @@ def _data(layout: Layout, plots: Shown, made: Sequence[Slider]) -> dict[str, Any
         "columns": ["t", *(f"{block}.{port}[{i}]" for (block, port), i in plots.columns)],
         "plots": plots.plots,
         "sliders": [each.as_dict() for each in made],
+        "inputs": given(layout),
         "parameters": max(1, sum(each.size for each in layout.parameters.values())),
         "stopped": layout.failures[("stopped",)][0],
     }

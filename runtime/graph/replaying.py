@@ -114,7 +114,8 @@ def resumable(path: str | Path, until: float | None = None) -> Resumable:
         except UsageError as error:
             wrong.append(str(error))
             continue
-        if tick >= graph.network.ticks:
+        # A run that was killed while it was written has nothing left to run, but no metrics yet.
+        if tick > graph.network.ticks:
             end = tick * graph.network.dt
             raise UsageError(f"'{folder}' has come to {end:g} already; --until is how it goes on")
         return Resumable(folder, graph, (checkpoint, rows))
@@ -124,14 +125,24 @@ def resumable(path: str | Path, until: float | None = None) -> Resumable:
 def _newest(path: Path) -> Path:
     """The folder of a run; that of a killed run is recovered first."""
     if path.is_dir() and not (path / MANIFEST).is_file():
-        killed = [each for each in leftovers(path) if each.has_recording]
-        # Their names begin with the date and time; 'latest' is a link to one of them.
-        runs = [m.parent.name for m in path.glob(f"*/{MANIFEST}") if not m.parent.is_symlink()]
-        last = max(killed, key=lambda each: each.name, default=None)
-        if last is not None and last.name > max(runs, default=""):
-            folder = recover(last)
-            remove(last)
+        # 'latest' is a link to one of them.
+        runs = [m for m in path.glob(f"*/{MANIFEST}") if not m.parent.is_symlink()]
+        complete = {_age(m.parent.name, m.stat().st_mtime): m.parent for m in runs}
+        killed = {
+            _age(each.name, each.changed_at): each
+            for each in leftovers(path)
+            if each.has_recording and not (path / each.name).exists()
+        }
+        newest = max(killed.keys() | complete.keys(), default=None)
+        if newest in complete:
+            return complete[newest]
+        if newest is not None:
+            folder = recover(killed[newest])
+            remove(killed[newest])
             return folder
-        if runs:
-            return path / max(runs)
     return run_folder(path)
+
+
+def _age(name: str, changed_at: float) -> tuple[str, float, str]:
+    """By what runs are sorted: names begin with date and time, but two may share a second."""
+    return name[: len("20260131-235959")], changed_at, name
