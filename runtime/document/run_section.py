@@ -62,6 +62,11 @@ class Solver:
     atol: float = 1e-9
     max_step: float = 0.0
 
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether it chooses its own steps."""
+        return self.name in ADAPTIVE
+
     def entries(self) -> dict[str, float | str]:
         """The entries of the section that differ from the defaults."""
         default = vars(Solver())
