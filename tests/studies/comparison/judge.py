@@ -107,6 +107,15 @@ def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
     return found
 
 
+def raw(task: str, metric: str, group: str) -> dict[str, float]:
+    """The mean of a metric over the held-out runs of each contestant in a group that have one."""
+    found = {}
+    for name, runs in rows.held_out(task, metric).items():
+        known = [x for at, x in runs.items() if plan.group_of(at[1]) == group and x is not None]
+        found[name] = float(np.mean(known)) if known else math.nan
+    return found
+
+
 @dataclass(frozen=True)
 class Answer:
     """A line of a question: one contestant against another."""
