@@ -95,12 +95,13 @@ def test_no_run_is_older_than_the_plan(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_failed_run_is_worse_than_any_value(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = {(0, "heals 0", 1): None, (0, "heals 1", 1): 0.4, (0, "switching 0", 1): 9.0}
+    one = {"heals 0": None, "heals 1": 0.4, "switching 0": 9.0}
+    runs = {(t, name, 1): error for t in range(3) for name, error in one.items()}
     monkeypatch.setattr(rows, "held_out", lambda task, metric: {"one": runs})
     found = judge.cells("path", "error", "heals")["one"]
-    assert found.failed == 1
-    assert np.exp(found.values).ravel() == pytest.approx([0.5, 0.4])
-    assert judge.cells("path", "error", "switching")["one"].failed == 1
+    assert found.failed == 3
+    assert np.exp(found.values).ravel() == pytest.approx([0.5, 0.4] * 3)
+    assert judge.cells("path", "error", "switching")["one"].failed == 3
 
 
 @pytest.mark.skipif(not rows.tasks(), reason="nothing has been run")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tests.studies.comparison import judge, plan, register, rows
+from tests.studies.comparison import costs, judge, plan, register, rows
 from tests.studies.comparison.judge import Answer, Contrast
 
 PAGE = plan.FOLDER.parent / "comparison.md"
@@ -27,6 +27,7 @@ def write() -> None:
             _figure(found).savefig(IMAGES / name, dpi=150, metadata={"Software": None})
             parts.append(_section(number, question["ask"], found, name))
     parts += [_contestants(task) for task in rows.tasks()]
+    parts += [_costs()] if costs.read() else []
     PAGE.write_text("\n\n".join([*parts, _foot()]) + "\n", encoding="utf-8")
 
 
@@ -37,9 +38,9 @@ def _head() -> str:
     lines = [
         "# Does spiking adaptation help, and where?",
         "",
-        "Written by `python -m tests.studies.comparison page` from the rows in `docs/study/rows`. The "
-        "questions, the contestants, the runs and the rules were registered before the first of "
-        "these runs: [the plan](study/plan.md).",
+        "Written by `python -m tests.studies.comparison page` from the rows in `docs/study/rows`. "
+        "The questions, the contestants, the runs and the rules were registered before the first "
+        "of these runs: [the plan](study/plan.md).",
         "",
         "**What has been run.** " + " ".join(_run_of(task) for task in done),
         "",
@@ -58,7 +59,8 @@ def _run_of(task: str) -> str:
     names = {name for name, _ in tunings}
     held_out = sum(row["part"] == plan.HELD_OUT for row in data)
     text = f"{entry['title']}: {len(names)} of {len(entry['contestants'])} contestants, "
-    text += f"{len(tunings)} tunings, {len(data) - held_out:,} training runs and {held_out:,} held-out runs."
+    text += f"{len(tunings)} tunings, {len(data) - held_out:,} training runs "
+    text += f"and {held_out:,} held-out runs."
     absent = [name for name in entry["contestants"] if name not in names]
     fewer = [
         f"{name} {n}"
@@ -86,10 +88,8 @@ def ratio(one: Contrast) -> str:
 def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
     words = _words(found)
     lines = [f"## {number}. {ask}", "", *words, "", f"![{ask}](images/{picture})", ""]
-    lines += [
-        "Ratios of errors with 95 % intervals that contain tunings, conditions and seeds; grey is the "
-    ]
-    lines[-1] += "range within the margin."
+    lines += ["Ratios of errors with 95 % intervals that contain tunings, conditions and seeds."]
+    lines[-1] += " Grey is the range within the margin."
     lines += ["", "<details><summary>The table</summary>", ""]
     lines += [
         "| where | measure | contestant | against | ratio | verdict | failed runs |",
@@ -151,7 +151,7 @@ def _within(tick: float, found: list[Answer]) -> bool:
 
 
 def _contestants(task: str) -> str:
-    """The table of a task: errors of all, how far tunings agree, the effort, the worst condition."""
+    """The table of a task: errors, how far tunings agree, the effort, the worst condition."""
     entry = plan.read()["tasks"][task]
     lines = [f"## {entry['title']}: all contestants", "", *_spread_words(task), ""]
     for group, about in entry["groups"].items():
@@ -198,19 +198,40 @@ def _spread_words(task: str) -> Iterator[str]:
     )
 
 
-def _foot() -> str:
-    settings = plan.read()
-    return "\n".join(
-        [
-            "## How to read this",
-            "",
-            f"* **Better**, **worse**: the ratio differs from 1. **Equivalent**: it is within 1/{settings['margin']} and "
-            f"{settings['margin']}. **Undecided**: neither. p values are corrected within each question "
-            "(Benjamini and Hochberg); the power is in [the plan](study/plan.md#power).",
-            "* **Error**: geometric mean in ratios, arithmetic mean in tables; a failed run counts as the task's limit.",
-            "* **Effort**: root mean square of the command's change from one tick to the next, at the rate at which it changes. Training "
-            "runs must stay below the task's limit; held out it is only reported.",
-            "* The settings that the graphs and experiments ship are older than this study; they were found by `runtime tune` over the "
-            "cases A, B and C, and are contestants here as *one setting*.",
-        ]
+def _costs() -> str:
+    """What each contestant needs as C."""
+    lines = [
+        "## What it costs",
+        "",
+        "As `runtime export` writes it in C, in double, of the vehicle's ",
+    ]
+    lines[-1] += (
+        "contestants: state in bytes, code on a Cortex-M4 in bytes, operations of a step on "
     )
+    lines[-1] += "which everything is due. Loops over spikes depend on data; one pass is counted."
+    lines += ["", "<details><summary>The table</summary>", ""]
+    lines += [
+        "| contestant | state | code | arithmetic | divisions | functions |",
+        "|" + "---|" * 6,
+    ]
+    lines += [f"| {' | '.join(row.values())} |" for row in costs.read()]
+    return "\n".join([*lines, "", "</details>"])
+
+
+FOOT = """## How to read this
+
+* **Better**, **worse**: the ratio differs from 1. **Equivalent**: it is within 1/{margin} and
+  {margin}. **Undecided**: neither. p values are corrected within each question (Benjamini and
+  Hochberg). How large a ratio such a study finds is in [the plan](study/plan.md#power).
+* A contestant is judged from {fewest} tunings on. Each tuning ends by the plan's patience, which
+  is short: how far the tunings of one contestant are apart, the intervals contain.
+* **Error**: geometric mean in ratios, arithmetic mean in tables; a failed run counts as the
+  task's limit.
+* **Effort**: root mean square of the command's change from one tick to the next, at the rate at
+  which it changes. Training runs must stay below the task's limit; held out it is only reported.
+* *One setting* is what the graphs ship: it was found in an earlier study, on three other graphs
+  (`tests/studies/settings`), and is not changed here."""
+
+
+def _foot() -> str:
+    return FOOT.format(margin=plan.read()["margin"], fewest=judge.FEWEST)

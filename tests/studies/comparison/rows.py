@@ -21,6 +21,7 @@ from pathlib import Path
 import yaml
 
 from runtime.document import dump_yaml
+from runtime.errors import UsageError
 from runtime.experiments.design import slugs
 from tests.studies.comparison import plan
 
@@ -67,6 +68,8 @@ def gather(task: str, folder: Path) -> Path:
             own = folder / f"{start}-{tuning}"
             if (own / "tuning.json").exists():
                 found += _rows(name, tuning, own)
+    if not found:
+        raise UsageError(f"there is no judged tuning in '{folder}'; --out names the contests' folder")
     kept = [key for key in found[0] if key not in FIRST]
     text = io.StringIO()
     writer = csv.DictWriter(text, [*FIRST, *kept], lineterminator="\n")
@@ -108,10 +111,10 @@ def _short(cell: str) -> str:
 def held_out(task: str, metric: str) -> dict[str, dict[tuple[int, str, int], float | None]]:
     """A metric of the held-out runs of what each tuning entered: by tuning, condition and seed."""
     found: dict[str, dict[tuple[int, str, int], float | None]] = defaultdict(dict)
-    for row in read(task):
-        # A winner's rows follow those of the contestant's own values, and take their place.
-        if row["part"] == plan.HELD_OUT:
-            place = (int(row["tuning"]), row["condition"], int(row["seed"]))
-            is_value = row["status"] == "ok" and row[metric] != ""
-            found[row["contestant"]][place] = float(row[metric]) if is_value else None
+    own = [row for row in read(task) if row["part"] == plan.HELD_OUT]
+    # Configuration 0 is the contestant's own values, which the winner's take the place of.
+    for row in sorted(own, key=lambda row: int(row["configuration"])):
+        place = (int(row["tuning"]), row["condition"], int(row["seed"]))
+        is_value = row["status"] == "ok" and row[metric] != ""
+        found[row["contestant"]][place] = float(row[metric]) if is_value else None
     return dict(found)
