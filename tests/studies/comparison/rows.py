@@ -69,7 +69,7 @@ def gather(task: str, folder: Path) -> Path:
             if (own / "tuning.json").exists():
                 found += _rows(name, tuning, own)
     if not found:
-        raise UsageError(f"there is no judged tuning in '{folder}'; --out names the contests' folder")
+        raise UsageError(f"there is no judged tuning in '{folder}'; see --out")
     kept = [key for key in found[0] if key not in FIRST]
     text = io.StringIO()
     writer = csv.DictWriter(text, [*FIRST, *kept], lineterminator="\n")
