@@ -23,7 +23,10 @@ def add(parser: ArgumentParser) -> None:
     add_graph(parser)
     parser.add_argument("folder", metavar="DIR", help="folder for the files")
     parser.add_argument(
-        "--to", default="c", metavar="TARGET", help="c: C99; html: a page that simulates"
+        "--to",
+        default="c",
+        metavar="TARGET",
+        help="c: C99; library: compiled, for Python and C; html: a page",
     )
     for flag, place, text in (
         ("--block", "blocks", "a block or part to export"),
