@@ -107,11 +107,9 @@ def export(
         place = own_folder(Path(folder))
         for file, content in files.items():
             write_whole(own_file(place / file), content)
-    both = selection.inputs, selection.outputs
-    members = tuple(tuple(layout.member_size(port) for port in ports) for ports in both)
-    inputs, outputs = (tuple(map(".".join, ports)) for ports in both)
-    said = files["report.txt"]
-    return Exported(place, tuple(files), said, inputs, outputs, members, bool(layout.learnt))
+    inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
+    told = layout.members, bool(layout.learnt)
+    return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told)
 
 
 def layout_of(

@@ -34,7 +34,8 @@ class Parameter:
 
     name : the member of the struct of parameters. doc : what it is.
     value : what it begins with: a number, or an array.
-    path : as a session names it, ``pid.kp``. low, high : its bounds; ``is_above``, ``is_below``
+    path : as a session names it, ``pid.kp``. unit : of its numbers.
+    low, high : its bounds; ``is_above``, ``is_below``
         say whether they are themselves too small or too large.
     """
 
@@ -42,6 +43,7 @@ class Parameter:
     doc: str
     value: float | np.ndarray[Any, Any]
     path: str = ""
+    unit: str = ""
     low: float = -math.inf
     high: float = math.inf
     is_above: bool = False
@@ -161,7 +163,8 @@ class Layout:
                 low, high = _bound(of.above, of.at_least, -1), _bound(of.below, of.at_most, 1)
                 value = one.value.item() if one.is_scalar else np.ravel(one.value)
                 path, doc = f"{block}.{one.path}", f"{block}.{one.path}: {of.doc}{unit}"
-                made = Parameter(one.member, doc, value, path, low[0], high[0], low[1], high[1])
+                bounds = low[0], high[0], low[1], high[1]
+                made = Parameter(one.member, doc, value, path, of.unit, *bounds)
                 taken.add(one.member)
                 found[block, one.path] = made
             sources: dict[str, list[str]] = {}
@@ -281,9 +284,16 @@ class Layout:
         """How many numbers an output has."""
         return numbers_in(self.kind(port))
 
-    def member_size(self, port: Port) -> tuple[str, int]:
-        """The member for a signal, and how many numbers its array has; 0 if it is no array."""
-        return self.names[port], 0 if self.kind(port).form == "scalar" else self.count(port)
+    @property
+    def members(self) -> tuple[tuple[tuple[str, int], ...], ...]:
+        """The members for inputs and for outputs, with the lengths of arrays; 0: a number."""
+
+        def member(port: Port) -> tuple[str, int]:
+            is_number = self.kind(port).form == "scalar"
+            return self.names[port], 0 if is_number else self.count(port)
+
+        both = self.selection.inputs, self.selection.outputs
+        return tuple(tuple(map(member, ports)) for ports in both)
 
     def declared(self, port: Port, name: str = "") -> str:
         """The declaration of a signal's member, with what it is; a held one is an array."""

@@ -24,9 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import Block, BlockState, ParameterError
-from blocks.core.params import Param
-from blocks.core.state_shapes import retune
+from blocks.core import Block, BlockState, Param, ParameterError, retune
 from runtime.export.names import member_name
 from runtime.export.stand_ins import (
     DECISIONS,

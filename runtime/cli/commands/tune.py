@@ -58,6 +58,9 @@ def _add_search(parser: ArgumentParser) -> None:
         "--budget", type=int, metavar="N", help="the most training runs, in place of trials"
     )
     parser.add_argument(
+        "--patience", type=int, metavar="N", help="stop after N trials per factor without gain"
+    )
+    parser.add_argument(
         "--repeats", type=int, metavar="K", help="K tunings by other sampling seeds: do they agree?"
     )
     for goal in ("minimize", "maximize"):
@@ -119,7 +122,8 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.figures import save_figures
         from runtime.experiments.tuning.tuning_plots import tuning_figures
 
-        pictures = save_figures(result.folder, tuning_figures(result.folder))
+        figures = tuning_figures(result.folder, options.style)
+        pictures = save_figures(result.folder, figures, options.figures)
     show_results(options, stored, f"{summary(result)}\n", pictures)
     if not result.has_feasible:
         return 3

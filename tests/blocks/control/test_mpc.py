@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
-from scipy.optimize import minimize
+from scipy.optimize import minimize, nnls
 
 import blocks
 from blocks import LQR, MPC
 from blocks.control.lqr import linearised
+from blocks.control.quadratic_program import minimum, nearest
 from blocks.control.tracking import offsets
 from tests.blocks.control.test_trackers import STEP, ask, drive
 from tests.blocks.direct import state_of
@@ -35,16 +37,21 @@ def test_without_limits_it_is_the_lqr(
     assert got == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
-def cost(commands: np.ndarray, x: np.ndarray, mpc: MPC) -> float:
-    """The cost of a plan, by simulating the model."""
+def cost_of(mpc: MPC, x0: np.ndarray) -> Callable[[np.ndarray], float]:
+    """The cost of a plan from a state, by simulating the model."""
     a, b = linearised(mpc.v_r, 0.0, mpc.horizon / mpc.steps, mpc.model)
     q, r = np.diag(mpc.q), np.diag(mpc.r)
-    total = 0.0
-    for u in commands.reshape(-1, 2):
-        total += float(u @ r @ u)
-        x = a @ x + b @ u
-        total += float(x @ q @ x)
-    return total + float(x @ (solve_discrete_are(a, b, q, r) - q) @ x)
+    beyond = solve_discrete_are(a, b, q, r) - q
+
+    def cost(commands: np.ndarray) -> float:
+        x, total = x0, 0.0
+        for u in commands.reshape(-1, 2):
+            total += float(u @ r @ u)
+            x = a @ x + b @ u
+            total += float(x @ q @ x)
+        return total + float(x @ beyond @ x)
+
+    return cost
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-1.5, 1.5), st.floats(-0.5, 0.5), st.floats(-0.4, 0.4))
@@ -70,22 +77,56 @@ def test_at_its_limits_it_is_a_general_solver(
             ((np.array([0.7, 0.6]) - np.abs(total)).ravel(), (allowed - changes).ravel())
         )
 
-    start = np.tile(last - added, 4)
+    start, cost = np.tile(last - added, 4), cost_of(mpc, x)
     found = minimize(
         cost,
         start,
-        (x, mpc),
         method="SLSQP",
         constraints={"type": "ineq", "fun": room},
         options={"ftol": 1e-12, "maxiter": 500},
     )
     # Both are feasible, and no general solver finds a better plan than ours.
-    bounds = mpc._bounds(state, turn)
-    plan = state.program.minimum(x, bounds)
+    bounds = mpc.bounds(state, turn)
+    plan = minimum(state.free, state.root, state.of_x, state.of_z, x, bounds)
     assert room(plan).min() > -1e-7
     np.testing.assert_allclose(plan[:2], u)
     if found.success:
-        assert cost(plan, x, mpc) <= found.fun + 1e-6 * (1.0 + abs(found.fun))
+        assert cost(plan) <= found.fun + 1e-6 * (1.0 + abs(found.fun))
+
+
+def least_distance(rows: np.ndarray, room: np.ndarray) -> np.ndarray | None:
+    """The same by non-negative least squares on the dual; None where there is none.
+
+    Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23.
+    """
+    used = np.isfinite(room)
+    if not used.any():
+        return np.zeros(rows.shape[1])
+    system = np.vstack((-rows[used].T, -room[used]))
+    target = np.append(np.zeros(rows.shape[1]), 1.0)
+    multipliers, _ = nnls(system, target, maxiter=10_000)
+    residual = system @ multipliers - target
+    return None if residual[-1] > -1e-9 else -residual[:-1] / residual[-1]
+
+
+@given(seed=st.integers(0, 2**31), d=st.integers(1, 6), k=st.integers(0, 14), plain=st.booleans())
+@examples(200)
+def test_the_active_set_method_finds_what_least_squares_finds(
+    seed: int, d: int, k: int, plain: bool
+) -> None:
+    """Small integers make rows that repeat, oppose and depend on each other."""
+    draw = np.random.default_rng(seed)
+    rows = draw.integers(-2, 3, (k, d)).astype(float) if plain else draw.standard_normal((k, d))
+    room = draw.integers(-2, 4, k).astype(float) if plain else draw.standard_normal(k) + 0.5
+    room[draw.random(k) < 0.2] = math.inf
+    expected = least_distance(rows, room)
+    if expected is None:
+        with pytest.raises(ArithmeticError, match="no command satisfies the limits"):
+            nearest(rows, room)
+        return
+    found = nearest(rows, room)
+    assert (rows @ found - room).max(initial=0.0) < 1e-8
+    np.testing.assert_allclose(found, expected, atol=1e-7 * (1.0 + np.abs(expected).max()))
 
 
 def test_the_limits_hold_in_a_run() -> None:
