@@ -7,7 +7,7 @@ and the namespace in which the plan's text is executed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -75,20 +75,28 @@ class Start:
         for name, entry in self.network.entries.items():
             self.namespace[names.blocks[name]] = entry.block
             self.namespace[names.states[name]] = self.state.blocks[name]
-        for name in self._order():
-            self._block(name)
-        for record in self.plan.records:
-            if record.publisher:
-                self._record_tuning(record)
         for name, initial in names.initial.items():
-            state = self.state.blocks[name]
-            keys = [each.name for each in self.plan.states[name]]
-            copies = {key: getattr(state, key).copy() for key in keys}
-            self.namespace[initial] = SimpleNamespace(**copies)
-        for call in self.plan.evaluations:
-            if call.gate.once:
-                self.compute_constants(call)
+            shapes = {each.name: each.shape for each in self.plan.states[name]}
+            arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
+            self.namespace[initial] = SimpleNamespace(**arrays)
+        self.begin_again(self.network.entries)
         return self.namespace
+
+    def begin_again(self, names: Container[str]) -> None:
+        """Initialise these blocks, and compute what is constant of them."""
+        for name in self._order():
+            if name in names:
+                self._block(name)
+        for record in self.plan.records:
+            if record.publisher and record.block in names:
+                self._record_tuning(record)
+        for name, initial in self.program.names.initial.items():
+            # In place: compiled code has the addresses.
+            for key, array in vars(self.namespace[initial]).items():
+                array[...] = getattr(self.state.blocks[name], key)
+        for call in self.plan.evaluations:
+            if call.gate.once and call.block in names:
+                self.compute_constants(call)
 
     def solve(self) -> list[Problem]:
         """What the blocks that solve for what others publish find wrong; starts only those.

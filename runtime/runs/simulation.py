@@ -78,18 +78,20 @@ def simulate(
     folder: Path | None = None,
     checkpoints: Checkpoints | None = None,
     pacing: Pacing | None = None,
+    engine: Engine | None = None,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
     ``note`` is called with messages for the user, such as what is compiled. ``profile`` collects
     the time per block under the Python engine. ``folder`` holds recordings that are larger than
     the graph's ``run.memory``, and those of a run with ``checkpoints``; a temporary folder by
-    default. ``pacing`` lets ticks wait for the clock.
+    default. ``pacing`` lets ticks wait for the clock. ``engine`` is one for this graph at tick 0.
     """
     network, program = graph.network, graph.program
     began = datetime.now().astimezone()
-    runner = chosen_runner(network, note) if profile is None else None
-    engine = Engine(program, network.seed, runner, note, profile, folder)
+    if engine is None:
+        runner = chosen_runner(network, note) if profile is None else None
+        engine = Engine(program, network.seed, runner, note, profile, folder)
     if program.gathered:
         if not program.growing:
             note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
