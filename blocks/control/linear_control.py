@@ -15,8 +15,8 @@ from typing import Any, final
 import numpy as np
 
 from blocks.control.design import Model, model_of, square
-from blocks.control.mpc import QuadraticProgram
 from blocks.control.observer import SampledObserver
+from blocks.control.quadratic_program import QuadraticProgram, minimum
 from blocks.control.regulator import LinearQuadraticRegulator, given_model, given_problems
 from blocks.core import (
     Block,
@@ -52,7 +52,7 @@ class LinearMPC(LinearQuadraticRegulator):
     ``low`` <= command <= ``high`` and to its change per second (Rawlings, Mayne and Diehl, Model
     Predictive Control, 2017). The first command is given, and at the next tick all are found again.
     N = ``steps`` ticks of the block, for which A and B are discretised. Away from all limits it is
-    the LinearQuadraticRegulator, for any N. The program is solved exactly, by scipy at a limit.
+    the LinearQuadraticRegulator, for any N. The program is solved exactly.
     """
 
     steps: int = param(20, at_least=1, at_most=100, doc="N, how many ticks ahead it plans")
@@ -94,30 +94,32 @@ class LinearMPC(LinearQuadraticRegulator):
         _, model = self.design(state.context)
         n, m = model.b.shape
         weights = square(self.q, n), square(self.r, m)
-        state.program = QuadraticProgram.of(model.a, model.b, *weights, self.steps)
-        state.above = np.tile(np.broadcast_to(self.high - model.u0, (m,)), self.steps)
-        state.below = np.tile(np.broadcast_to(model.u0 - self.low, (m,)), self.steps)
-        state.change = np.broadcast_to(self.rate * state.dt, (m,)).copy()
+        program = QuadraticProgram.of(model.a, model.b, *weights, self.steps)
+        state.free, state.root, state.of_x, state.of_z = program.arrays
+        state.bounds = np.zeros(len(state.of_x))
+        state.bounds.reshape(-1, self.steps, m)[:] = [
+            [np.broadcast_to(each, (m,))]
+            for each in (self.high - model.u0, model.u0 - self.low, *2 * [self.rate * state.dt])
+        ]
         state.last[:] = math.nan
 
     def output(
         self, state: BlockState, t: float, states: tuple[float, ...], reference: FloatArray
     ) -> Any:
-        m = len(state.u0)
-        up, down = np.tile(state.change, self.steps), np.tile(state.change, self.steps)
-        if math.isnan(state.last[0]):
-            up[:m] = down[:m] = math.inf
-        else:
-            up[:m] += state.last - state.u0
-            down[:m] -= state.last - state.u0
+        m, count = len(state.u0), len(state.root)
+        bounds, first = state.bounds.copy(), math.isnan(state.last[0])
+        for i in range(m):  # the first change is from the last command
+            last = math.inf if first else state.last[i] - state.u0[i]
+            bounds[2 * count + i] += last
+            bounds[3 * count + i] += math.inf if first else -last
         x = np.array(states) - state.x0 - reference
-        bounds = np.concatenate((state.above, state.below, up, down))
-        command = state.program.minimum(x, bounds)[:m] + state.u0
+        plan = minimum(state.free, state.root, state.of_x, state.of_z, x, bounds)
+        command = plan[:m] + state.u0
         return float(command[0]) if state.form == "scalar" else command
 
     def update(self, state: BlockState, t: float, command: Any) -> None:
         # Within the limits but for rounding, which the next tick's limits must not inherit.
-        state.last[:] = np.clip(command, self.low, self.high)
+        state.last[:] = np.minimum(np.maximum(command, self.low), self.high)
 
 
 @final

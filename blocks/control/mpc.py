@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from blocks.control.lqr import linearised, riccati
+from blocks.control.lqr import linearised
+from blocks.control.quadratic_program import QuadraticProgram, minimum
 from blocks.control.tracking import Tracker, offsets
 from blocks.core import (
     BlockContext,
@@ -21,96 +21,7 @@ from blocks.core import (
     State,
     TwistValue,
     param,
-    product,
-    solve,
 )
-
-SLACK = 1e-9  # by which rounding may pass a bound
-
-
-@dataclass(frozen=True)
-class QuadraticProgram:
-    """A condensed quadratic program: minimise u'Hu/2 + (F x)'u subject to G u <= g.
-
-    u (m N,) holds the m commands of each of N steps. ``free`` is -H^-1 F (m N, n), ``rows`` is G
-    (4 m N, m N), and ``root`` a lower triangular matrix with root root' = H^-1.
-    """
-
-    free: FloatArray
-    rows: FloatArray
-    root: FloatArray
-
-    @classmethod
-    def of(
-        cls, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, steps: int
-    ) -> QuadraticProgram:
-        """Eliminate the states of x_k+1 = A x_k + B u_k. The rows of G bound all u from above, then
-        from below, then their changes from step to step upwards and downwards.
-
-        The last state's weight solves the Riccati equation, so that without limits the first
-        command is the LQR's, for any number of steps.
-        """
-        n, m = b.shape
-        powers: list[FloatArray] = [np.eye(n)]
-        for _ in range(steps):
-            powers.append(product(a, powers[-1]))
-        forced = np.zeros((n * steps, m * steps))
-        for k in range(steps):
-            for j in range(k + 1):
-                forced[n * k : n * (k + 1), m * j : m * (j + 1)] = product(powers[k - j], b)
-        weight = np.zeros((n * steps, n * steps))
-        weight[:] = np.kron(np.eye(steps), q)
-        weight[-n:, -n:] = riccati(a, b, q, r)
-        weighted = product(forced.T, weight)
-        h = product(weighted, forced) + np.kron(np.eye(steps), r)
-        f = product(weighted, np.concatenate(powers[1:]))
-        # Symmetric but for rounding, here and before the Cholesky factor.
-        inverse = solve(0.5 * (h + h.T), np.eye(m * steps))
-        eye = np.eye(m * steps)
-        change = eye - np.eye(m * steps, k=-m)
-        rows = np.vstack((eye, -eye, change, -change))
-        return cls(-product(inverse, f), rows, _cholesky(0.5 * (inverse + inverse.T)))
-
-    def minimum(self, x: FloatArray, bounds: FloatArray) -> FloatArray:
-        """The minimiser u (m N,) for a state x (n,) and bounds g (4 m N,), some infinite.
-
-        A least distance problem in the metric of H, solved through its dual by non-negative least
-        squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).
-
-        Raises
-        ------
-        ValueError : no command satisfies the bounds.
-        """
-        free = product(self.free, x[:, None])[:, 0]
-        active = np.isfinite(bounds)
-        rows = self.rows[active]
-        room = bounds[active] - product(rows, free[:, None])[:, 0]
-        # In nearly all ticks: no limit is reached, and scipy is not called.
-        if not len(room) or room.min() >= -SLACK:
-            return free
-        from scipy.optimize import nnls  # scipy stays off the start-up path
-
-        system = np.vstack((-product(rows, self.root).T, -room))
-        target = np.zeros(len(system))
-        target[-1] = 1.0
-        multipliers, _ = nnls(system, target, maxiter=100 * len(room))
-        residual = product(system, multipliers[:, None])[:, 0] - target
-        # The residual of an infeasible problem is zero.
-        if residual[-1] > -1e-14:
-            raise ValueError("no command satisfies the limits")
-        moved = product(self.root, residual[:-1, None])[:, 0]
-        return np.asarray(free - moved / residual[-1])
-
-
-def _cholesky(matrix: FloatArray) -> FloatArray:
-    """The lower triangular factor of a definite matrix, by the same bits on every machine."""
-    n = len(matrix)
-    lower = np.zeros((n, n))
-    for j in range(n):
-        past = lower[j:, :j] * lower[j, :j]
-        column = matrix[j:, j] - np.add.reduce(past, 1)
-        lower[j:, j] = column / math.sqrt(column[0])
-    return lower
 
 
 @final
@@ -124,10 +35,8 @@ class MPC(Tracker):
     of its Riccati equation; subject to limits on the speed v_r + v, on the turn rate omega +
     ``turn``, and on their change per second (Rawlings, Mayne and Diehl, Model Predictive Control,
     2017). Away from all limits it is the LQR. The quadratic program is condensed and solved
-    exactly, by an active-set method. Q weighs the errors in the path's frame.
-
-    With scipy in each tick at a limit, it is the slowest of the trackers. For other plants there
-    is LinearMPC.
+    exactly, by an active-set method. Q weighs the errors in the path's frame. For other plants
+    there is LinearMPC.
     """
 
     turn = Input(
@@ -197,32 +106,35 @@ class MPC(Tracker):
     def start(self, state: BlockState) -> None:
         step = self.horizon / self.steps
         a, b = linearised(self.v_r, 0.0, step, self.model)
-        state.program = QuadraticProgram.of(a, b, np.diag(self.q), np.diag(self.r), self.steps)
+        program = QuadraticProgram.of(a, b, np.diag(self.q), np.diag(self.r), self.steps)
+        state.free, state.root, state.of_x, state.of_z = program.arrays
         state.rates = np.array([self.v_rate, self.omega_rate])
-        state.limits = np.array([self.v_max, self.omega_max])
-        state.within = np.tile(state.rates * step, self.steps)
+        limits = np.array([self.v_max, self.omega_max])
+        each = np.array([limits, limits, state.rates * step, state.rates * step])
+        state.limits = np.repeat(each, self.steps, axis=0).ravel()
         state.last[:] = math.nan
 
     def output(  # type: ignore[override]
         self, state: BlockState, t: float, error: PoseValue, reference: PoseValue, turn: float
     ) -> TwistValue:
         along, lateral = offsets(error, reference[2])
-        bounds = self._bounds(state, turn)
-        v, omega = state.program.minimum(np.array([along, lateral, error[2]]), bounds)[:2].tolist()
-        return v, omega
+        x, room = np.array([along, lateral, error[2]]), self.bounds(state, turn)
+        command = minimum(state.free, state.root, state.of_x, state.of_z, x, room)
+        return float(command[0]), float(command[1])
 
-    def _bounds(self, state: BlockState, turn: float) -> FloatArray:
+    def bounds(self, state: BlockState, turn: float) -> FloatArray:
         """The bounds of the program's rows: above, below, and of the change up and down."""
-        added = np.array([self.v_r, turn])
-        above = np.tile(state.limits - added, self.steps)
-        below = np.tile(state.limits + added, self.steps)
-        up, down = state.within.copy(), state.within.copy()
-        last = state.last - added
-        if math.isnan(state.last[0]):
-            up[:2] = down[:2] = math.inf
-        else:  # the plan's first step follows the last command after one tick
-            up[:2], down[:2] = state.rates * state.dt + last, state.rates * state.dt - last
-        return np.concatenate((above, below, up, down))
+        count, added = len(state.root), np.array([self.v_r, turn])
+        out: FloatArray = state.limits.copy()
+        first = math.isnan(state.last[0])
+        for i in range(count):
+            out[i] -= added[i % 2]
+            out[count + i] += added[i % 2]
+        for i in range(2):  # the plan's first step follows the last command after one tick
+            room, last = state.rates[i] * state.dt, state.last[i] - added[i]
+            out[2 * count + i] = math.inf if first else room + last
+            out[3 * count + i] = math.inf if first else room - last
+        return out
 
     def update(self, state: BlockState, t: float, command: TwistValue, turn: float) -> None:
         state.last[0] = min(self.v_max, max(-self.v_max, self.v_r + command[0]))

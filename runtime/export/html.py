@@ -26,7 +26,7 @@ from runtime.export.layout import Layout
 from runtime.export.names import member_name
 from runtime.export.selection import named_blocks, select
 from runtime.export.shown import Shown, shown
-from runtime.export.sliders import Slider, sliders, usual
+from runtime.export.sliders import Slider, given, sliders, usual
 from runtime.export.units import Units, write_units
 from runtime.export.wasm import module
 from runtime.files import own_file, own_folder, system_errors, write_whole
@@ -113,6 +113,7 @@ def _data(layout: Layout, plots: Shown, made: Sequence[Slider]) -> dict[str, Any
         "columns": ["t", *(f"{block}.{port}[{i}]" for (block, port), i in plots.columns)],
         "plots": plots.plots,
         "sliders": [each.as_dict() for each in made],
+        "inputs": given(layout),
         "parameters": max(1, sum(each.size for each in layout.parameters.values())),
         "stopped": layout.failures[("stopped",)][0],
     }

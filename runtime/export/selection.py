@@ -35,9 +35,9 @@ class Selection:
     Parameters
     ----------
     plan : what they do, in order, and what resets the parts that they are in.
-    inputs : outputs of other blocks that they read.
-    outputs : their outputs that others read. Of a whole graph, those that are recorded; without
-        any, those that nobody reads.
+    inputs : outputs of other blocks that they read; of a whole graph, its section ``inputs``.
+    outputs : their outputs that others read. Of a whole graph, its section ``outputs`` and what
+        is recorded; without any, those that nobody reads.
     constants : constant outputs that they read.
     """
 
@@ -75,17 +75,23 @@ class Selection:
 
 
 def named_blocks(network: Network, names: Sequence[str], others: Sequence[str]) -> frozenset[str]:
-    """The blocks of these names, or of parts of these names; without ``names``, all but ``others``.
+    """The blocks of these names, or of parts of these names; without ``names``, all but ``others``
+    and what stands for an input of the graph.
 
     Raises
     ------
     UsageError : there is no such block, or none is left.
     """
-    found = _meant(network, names) if names else frozenset(network.entries)
+    found = _meant(network, names) if names else frozenset(network.entries) - _ports(network)
     left = found - _meant(network, others)
     if not left:
         raise UsageError("no block is left to export")
     return left
+
+
+def _ports(network: Network) -> frozenset[str]:
+    """The blocks that stand for inputs of the graph, which whoever calls the step gives."""
+    return frozenset(port.end.block for port in network.inputs.values())
 
 
 def _meant(network: Network, names: Iterable[str]) -> frozenset[str]:
@@ -132,8 +138,10 @@ def select(network: Network, plan: Plan, chosen: frozenset[str]) -> Selection:
     )
     made = found.signals
     recorded = [each.source.whole for each in plan.records if isinstance(each.source.whole, Signal)]
-    if chosen == network.entries.keys():
-        read = dict.fromkeys(signal.key for signal in recorded)
+    if chosen | _ports(network) == network.entries.keys():
+        ends = (port.end for port in network.outputs.values())
+        read = dict.fromkeys((end.block, end.port) for end in ends)
+        read |= dict.fromkeys(signal.key for signal in recorded)
     outputs = [port for port in made if port in read] or [p for p in made if p not in inside]
     if not made:
         names = ", ".join(sorted(chosen))

@@ -24,11 +24,13 @@ from runtime.errors import SpikeblocksError, UsageError
 from runtime.export.layout import Layout
 from runtime.export.units import Units
 from runtime.graph import Graph
+from runtime.network import PortDeclaration
 
 STEPS, TABLE_STEPS = 200, 40
 USUAL = 6  # sliders of a page for which none is named
 TEXT = re.compile(r"([^=]+)=(.+?)\.\.(.+)")
 INDEX = re.compile(r"(.+?)\[(\d+)\]")
+INDEXED = re.compile(r"^inputs\.|\[\d+\]$")
 Key = tuple[str, str, int]  # a block, a word of its struct, and the index in an array
 Prepare = Callable[[Graph], Units]
 
@@ -40,6 +42,7 @@ class Slider:
     label, doc, unit : as its parameter is declared. value : what the graph has.
     numbers : of its positions. places : of the numbers that follow, in the struct of parameters.
     tables : of each of these, the number at each position; None if it is the value itself.
+    is_input : whether the places are in the struct of inputs.
     """
 
     label: str
@@ -49,6 +52,7 @@ class Slider:
     numbers: tuple[float, ...]
     places: tuple[int, ...]
     tables: tuple[tuple[float, ...], ...] | None = None
+    is_input: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """What the page gets."""
@@ -60,13 +64,27 @@ class Slider:
         return {
             **{"label": self.label, "doc": self.doc, "unit": self.unit, "exact": self.value},
             **{"numbers": numbers, "steps": len(numbers) - 1, "first": nearest},
-            **{"places": list(self.places), "tables": tables},
+            **{"places": list(self.places), "tables": tables, "input": self.is_input},
         }
 
 
+def given(layout: Layout) -> list[float]:
+    """What the inputs of a page begin with: the defaults of the graph's ports."""
+    ports = {(p.end.block, p.end.port): p for p in layout.selection.network.inputs.values()}
+    values = [ports[port].default for port in layout.selection.inputs]
+    return [x for value in values for x in np.ravel(0.0 if value is None else value).tolist()]
+
+
 def usual(graph: Graph, layout: Layout) -> list[str]:
-    """Sliders for a graph for which none is named: parameters that a step uses as they are."""
+    """Sliders for a graph for which none is named: its inputs with bounds, and parameters that a
+    step uses as they are."""
     found = []
+    for port in graph.network.inputs.values():
+        for at in np.ndindex(port.low.shape):
+            if np.isfinite([port.low[at], port.high[at]]).all():
+                index = "".join(f"[{i}]" for i in at)
+                low, high = float(port.low[at]), float(port.high[at])
+                found.append(f"{port.name}{index}={low!r}..{high!r}")
     written = graph.to_dict().get("params")
     for name, value in (written if isinstance(written, Mapping) else {}).items():
         if isinstance(value, (int, float)) and not isinstance(value, bool) and value:
@@ -136,6 +154,8 @@ def _slider(graph: Graph, layout: Layout, prepare: Prepare, text: str) -> Slider
     if what is None or not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise UsageError(f"--slider: expected NAME=LOW..HIGH such as gain.gain=0..2, got '{text}'")
     name = what[1].strip()
+    if (port := INDEXED.sub("", name)) in graph.network.inputs:
+        return _of_input(layout, graph.network.inputs[port], name, low, high)
     address, value, declared = _found(graph, name)
 
     def with_value(number: float) -> Mapping[Key, float]:
@@ -160,6 +180,33 @@ def _slider(graph: Graph, layout: Layout, prepare: Prepare, text: str) -> Slider
     return Slider(name, doc, unit, value, tuple(numbers), places, tables)
 
 
+def _of_input(layout: Layout, port: PortDeclaration, name: str, low: float, high: float) -> Slider:
+    """The slider of one number of an input of the graph."""
+    first = 0
+    for end in layout.selection.inputs:
+        if end == (port.end.block, port.end.port):
+            break
+        first += layout.count(end)
+    else:
+        raise UsageError(f"--slider: nothing reads the input '{name}'")
+    count, indexed = math.prod(port.type.shape), INDEX.fullmatch(name)
+    index = int(indexed[2]) if indexed else 0
+    if (indexed is None) != (port.type.form == "scalar") or index >= count:
+        message = f"--slider: '{name}' is no number of the input; expected "
+        names = port.name if port.type.form == "scalar" else f"{port.name}[0..{count - 1}]"
+        raise UsageError(message + names)
+    try:
+        for end_value in (low, high):
+            port.value(end_value)
+    except ValueError as error:
+        raise UsageError(f"--slider: {error}") from None
+    units = port.unit.split(", ")
+    value = 0.0 if port.default is None else float(np.ravel(port.default)[index])
+    numbers = tuple(np.linspace(low, high, STEPS + 1).tolist())
+    unit = units[index] if len(units) == count else port.unit
+    return Slider(name, port.doc, unit, value, numbers, (first + index,), None, True)
+
+
 def _found(graph: Graph, name: str) -> tuple[str, float, Any]:
     """The address of a value, what it is, and its declaration if it is a block's parameter."""
     indexed = INDEX.fullmatch(name)
@@ -178,6 +225,7 @@ def _found(graph: Graph, name: str) -> tuple[str, float, Any]:
         params = written if isinstance(written, Mapping) else {}
         if plain not in params:
             known = [f"{each}.{p}" for each, e in entries.items() for p in e.cls.spec.params]
+            known += graph.network.inputs
             found = hint(name, (*known, *params))
             raise UsageError(f"--slider: '{graph.network.title}' has no value '{name}'{found}")
         value, address = params[plain], f"params.{plain}"

@@ -342,10 +342,12 @@ class Session:
         """Go back, or forth, to a snapshot of this session or of one that it was branched from."""
         if not isinstance(saved, SessionSnapshot) or saved.first is not self.first:
             raise UsageError("expected a snapshot of this session, or of one it was branched from")
-        same = saved.engine is self._engine and saved.graph is self.graph
+        # An engine whose parameters have changed since, or another one, has other numbers.
+        same = saved.graph is self.graph and saved.engine is self._engine
         engine = saved.engine if same else self._prepared(saved.graph)
         adopt(engine, saved.carried)
         self._graph, self._log = saved.graph, list(saved.log)
+        self._unwritten.clear()
         self._begin(engine)
 
     def branch(self) -> Session:

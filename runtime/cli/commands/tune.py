@@ -58,6 +58,9 @@ def _add_search(parser: ArgumentParser) -> None:
         "--budget", type=int, metavar="N", help="the most training runs, in place of trials"
     )
     parser.add_argument(
+        "--patience", type=int, metavar="N", help="stop after N trials per factor without gain"
+    )
+    parser.add_argument(
         "--repeats", type=int, metavar="K", help="K tunings by other sampling seeds: do they agree?"
     )
     for goal in ("minimize", "maximize"):

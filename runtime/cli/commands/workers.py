@@ -28,7 +28,7 @@ MAX_JOBS = 4096
 ENTRIES = (
     *("seeds", "held_out", "random", "sobol", "sampling_seed", "minimize", "maximize"),
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
-    *("primary", "margin", "budget", "repeats"),
+    *("primary", "margin", "budget", "patience", "repeats"),
 )
 
 

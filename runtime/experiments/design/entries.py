@@ -32,7 +32,7 @@ QUESTION_KEYS = ("primary", "contrasts", "margin", "figures")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 TUNING_KEYS = (
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
-    *("training", "held_out", "budget", "repeats"),
+    *("training", "held_out", "budget", "patience", "repeats"),
 )
 RUN_KEYS = ("seeds", "conditions")
 MOST_SAMPLES, MOST_TRIALS, MOST_BATCH, MOST_REPEATS = 10**9, 10**6, 4096, 1000
@@ -58,6 +58,7 @@ class Entries:
     margins : the smallest differences that count, by metric; '' for all others.
     figures : what is drawn besides the usual figures.
     budget : the most training runs of a tuning, those that were stopped early included.
+    patience : trials per factor without a better one, after which a tuning ends.
     repeats : tunings with other seeds of the sampler.
     """
 
@@ -79,6 +80,7 @@ class Entries:
     margins: tuple[tuple[str, float | str], ...] = ()
     figures: tuple[FigureSpec, ...] = ()
     budget: int | None = None
+    patience: int | None = None
     repeats: int | None = None
 
     def overlay(self, other: Entries) -> Entries:
@@ -140,6 +142,7 @@ def read_entries(
         margins=tuple(reader.margins()),
         figures=tuple(reader.figures()),
         budget=reader.whole("budget", 1, MOST_TRIALS),
+        patience=reader.whole("patience", 1, MOST_TRIALS),
         repeats=reader.whole("repeats", 1, MOST_REPEATS),
     )
 

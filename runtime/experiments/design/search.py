@@ -57,6 +57,7 @@ class TuningSettings:
     stop_early : whether a configuration that is worse than half of the others is stopped.
     training, held_out : the runs that decide, and those that judge the winners.
     budget : the most training runs, or None.
+    patience : trials per factor without a better one, after which the search ends, or None.
     """
 
     objectives: tuple[Objective, ...]
@@ -70,6 +71,7 @@ class TuningSettings:
     training: RunSet
     held_out: RunSet
     budget: int | None = None
+    patience: int | None = None
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -113,6 +115,7 @@ def tuning_of(experiment: Experiment) -> TuningSettings:
         training,
         held_out,
         entries.budget,
+        entries.patience,
     )
 
 

@@ -136,6 +136,8 @@ class TuningPlan(ExperimentPlan):
         entries["stop_early"] = tuning.stop_early
         if tuning.budget is not None:
             entries["budget"] = tuning.budget
+        if tuning.patience is not None:
+            entries["patience"] = tuning.patience
         first = 0
         for name, runs in (("training", tuning.training), ("held_out", tuning.held_out)):
             slugs_of = self._conditions(runs, first)

@@ -201,6 +201,8 @@ class _Training:
             self._tell(optimizer, [first], [own])
         count = 0
         while (number := min(tuning.batch, tuning.trials - count, self._affordable())) > 0:
+            if self._is_converged(count):
+                break
             batch = optimizer.ask(number)
             candidates = [Candidate(count + i, s.values) for i, s in enumerate(batch, start=1)]
             self._run_batch(candidates)
@@ -213,6 +215,17 @@ class _Training:
         if budget is None:
             return self.plan.tuning.trials
         return (budget - self.result.runs) // len(self.plan.tuning.training)
+
+    def _is_converged(self, count: int) -> bool:
+        """Whether so many configurations were tried since the last better one.
+
+        More factors take more trials to a better one, so that the patience is of each factor.
+        """
+        patience, factors = self.plan.tuning.patience, self.plan.design.factors
+        if patience is None:
+            return False
+        last = max((one.number for one in front(self.result.candidates)), default=count)
+        return count - last >= patience * len(factors)
 
     def _run_batch(self, batch: Sequence[Candidate]) -> None:
         running = list(batch)

@@ -3,6 +3,7 @@
 #define ROWS 2048
 
 static struct ${name} simulation, saved;
+static struct ${name}_inputs in;
 static double rows[ROWS * ${width}];
 
 EXPORT("init") void page_init(void)
@@ -15,6 +16,11 @@ EXPORT("parameters") double *page_parameters(void)
     return (double *)&simulation.parameters;
 }
 
+EXPORT("inputs") double *page_inputs(void)
+{
+    return (double *)&in;
+}
+
 EXPORT("rows") double *page_rows(void)
 {
     return rows;
@@ -23,7 +29,6 @@ EXPORT("rows") double *page_rows(void)
 /* Do ticks until there are enough, a failure, or no room for rows; returns the number of rows. */
 EXPORT("advance") int page_advance(int ticks, int every)
 {
-    static struct ${name}_inputs in;
     static struct ${name}_outputs out;
     int count = 0;
     for (int i = 0; i < ticks && count < ROWS && !simulation.failure; i++) {

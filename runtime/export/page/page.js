@@ -35,6 +35,7 @@ async function start() {
 
 function begin() {
   core.init();
+  new Float64Array(memory.buffer, core.inputs(), DATA.inputs.length).set(DATA.inputs);
   DATA.sliders.forEach(apply);
   page.columns = DATA.columns.map(() => []);
   page.owed = 0;
@@ -112,7 +113,9 @@ function say(text, failed = false) {
 // ---- controls
 
 function apply(slider) {
-  const numbers = new Float64Array(memory.buffer, core.parameters(), DATA.parameters);
+  const numbers = slider.input
+    ? new Float64Array(memory.buffer, core.inputs(), DATA.inputs.length)
+    : new Float64Array(memory.buffer, core.parameters(), DATA.parameters);
   slider.places.forEach((place, i) => {
     numbers[place] = slider.tables ? slider.tables[i][slider.position] : slider.value;
   });

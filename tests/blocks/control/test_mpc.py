@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
-from scipy.optimize import minimize
+from scipy.optimize import minimize, nnls
 
 import blocks
 from blocks import LQR, MPC
 from blocks.control.lqr import linearised
+from blocks.control.quadratic_program import minimum, nearest
 from blocks.control.tracking import offsets
 from tests.blocks.control.test_trackers import STEP, ask, drive
 from tests.blocks.direct import state_of
@@ -80,12 +81,47 @@ def test_at_its_limits_it_is_a_general_solver(
         options={"ftol": 1e-12, "maxiter": 500},
     )
     # Both are feasible, and no general solver finds a better plan than ours.
-    bounds = mpc._bounds(state, turn)
-    plan = state.program.minimum(x, bounds)
+    bounds = mpc.bounds(state, turn)
+    plan = minimum(state.free, state.root, state.of_x, state.of_z, x, bounds)
     assert room(plan).min() > -1e-7
     np.testing.assert_allclose(plan[:2], u)
     if found.success:
         assert cost(plan, x, mpc) <= found.fun + 1e-6 * (1.0 + abs(found.fun))
+
+
+def least_distance(rows: np.ndarray, room: np.ndarray) -> np.ndarray | None:
+    """The same by non-negative least squares on the dual; None where there is none.
+
+    Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23.
+    """
+    used = np.isfinite(room)
+    if not used.any():
+        return np.zeros(rows.shape[1])
+    system = np.vstack((-rows[used].T, -room[used]))
+    target = np.append(np.zeros(rows.shape[1]), 1.0)
+    multipliers, _ = nnls(system, target, maxiter=10_000)
+    residual = system @ multipliers - target
+    return None if residual[-1] > -1e-9 else -residual[:-1] / residual[-1]
+
+
+@given(seed=st.integers(0, 2**31), d=st.integers(1, 6), k=st.integers(0, 14), plain=st.booleans())
+@examples(200)
+def test_the_active_set_method_finds_what_least_squares_finds(
+    seed: int, d: int, k: int, plain: bool
+) -> None:
+    """Small integers make rows that repeat, oppose and depend on each other."""
+    draw = np.random.default_rng(seed)
+    rows = draw.integers(-2, 3, (k, d)).astype(float) if plain else draw.standard_normal((k, d))
+    room = draw.integers(-2, 4, k).astype(float) if plain else draw.standard_normal(k) + 0.5
+    room[draw.random(k) < 0.2] = math.inf
+    expected = least_distance(rows, room)
+    if expected is None:
+        with pytest.raises(ArithmeticError, match="no command satisfies the limits"):
+            nearest(rows, room)
+        return
+    found = nearest(rows, room)
+    assert (rows @ found - room).max(initial=0.0) < 1e-8
+    np.testing.assert_allclose(found, expected, atol=1e-7 * (1.0 + np.abs(expected).max()))
 
 
 def test_the_limits_hold_in_a_run() -> None:

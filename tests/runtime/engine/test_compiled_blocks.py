@@ -46,7 +46,7 @@ ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = (0, 1, 2)
 # Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum", "MPC", "LinearMPC"}
+PYTHON_ONLY = {"MujocoVacuum"}
 
 
 @dataclass(frozen=True)
@@ -455,6 +455,24 @@ CASES: dict[str, list[Case]] = {
             )
         ),
         Case(blocks.LinearQuadraticRegulator(**REQUIRED["LinearQuadraticRegulator"])),
+    ],
+    "LinearMPC": [
+        Case(blocks.LinearMPC(**REQUIRED["LinearMPC"])),
+        Case(
+            blocks.LinearMPC(
+                **REQUIRED["LinearMPC"] | {"low": -1.0, "high": 0.5, "rate": 20.0, "steps": 6}
+            )
+        ),
+        Case(
+            blocks.LinearMPC(
+                **{"A": [[0, 1], [2, 0]], "B": [[1, 0], [0, 1]], "Q": [1, 1], "R": [1, 2]},
+                **{"low": [-0.5, -math.inf], "high": [0.2, 1], "steps": 4, "x0": [1, 2]},
+            )
+        ),
+    ],
+    "MPC": [
+        Case(blocks.MPC(), inputs=TRACKING),
+        Case(blocks.MPC(omega_max=0.7, omega_rate=2.0, v_max=1.2, steps=5), inputs=TRACKING),
     ],
     "LinearL1": [
         Case(blocks.LinearL1(**REQUIRED["LinearL1"])),

@@ -65,6 +65,13 @@ def driven(page: Path) -> dict[str, Any]:
     return found
 
 
+def columns(page: Path) -> list[str]:
+    """The names of a page's columns."""
+    text = page.read_text().split("const DATA = ")[1].split(";\nconst MODULE")[0]
+    names: list[str] = json.loads(text)["columns"]
+    return names
+
+
 @pytest.mark.slow
 @needs_ziglang
 def test_a_page_computes_what_a_run_does(tmp_path: Path) -> None:
@@ -94,12 +101,7 @@ def test_numbers_that_follow_from_a_slider_are_those_of_the_changed_graph(tmp_pa
     for key, tau in (("first", None), ("second", 0.5)):
         changed = graph if tau is None else graph.set("blocks.lowpass.tau", tau)
         result = changed.run(engine="compiled")
-        names = json.loads(
-            (tmp_path / made.files[0])
-            .read_text()
-            .split("const DATA = ")[1]
-            .split(";\nconst MODULE")[0]
-        )["columns"]
+        names = columns(tmp_path / made.files[0])
         column = np.array(said[key][names.index("lowpass.out[0]")])
         probe = next(p for p in result.probes.values() if "lowpass.out" in p.addresses)
         rows = result.probes[probe.name].column("lowpass.out")
@@ -125,3 +127,32 @@ def test_a_slider_that_cannot_be_says_why(slider: str, said: str, tmp_path: Path
 def test_labels_lose_the_marks_of_formulas() -> None:
     assert plain(r"$e_\theta$") == "e_θ"
     assert plain("speed") == "speed"
+
+
+@pytest.mark.slow
+@needs_ziglang
+def test_a_slider_of_an_input_is_what_a_session_writes(tmp_path: Path) -> None:
+    graph = runtime.load("gallery/cart_pole_balance").set("run.until", 2.0)
+    made = export_page(graph, tmp_path, slider=["force=-1..1"])
+    said = driven(tmp_path / made.files[0])
+    for key, force in (("first", 0.0), ("second", 1.0)):
+        session = graph.session()
+        session.write("force", force)
+        session.run(2.0)
+        angle = session.result().probes["angle"].values.ravel()
+        names = columns(tmp_path / made.files[0])
+        found = np.array(said[key][names.index("cart.angle[0]")])
+        np.testing.assert_allclose(found, angle[: len(found)], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("slider", "said"),
+    [
+        ("force=-20..1", "'force': expected at least -10 N, got -20"),
+        ("force[0]=-1..1", "'force[0]' is no number of the input; expected force"),
+    ],
+)
+def test_a_slider_of_an_input_stays_in_its_bounds(slider: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as error:
+        export_page(runtime.load("gallery/cart_pole_balance"), tmp_path / "out", slider=[slider])
+    assert said in str(error.value)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import blocks
@@ -254,6 +254,11 @@ CALLS = {
         max_size=14,
     ),
     engine=st.sampled_from(ENGINES),
+)
+# A snapshot of the parent: what the branch had set in place was still to be written to its graph.
+@example(
+    [("branch", ()), ("set", ("gain.gain", -1.0)), ("restore", ()), ("branch", ()), ("step", (2,))],
+    "python",
 )
 @examples(30)
 def test_any_session_replays_from_its_log(

@@ -1,0 +1,1 @@
+"""The comparison of controllers by a registered plan: its runs, its judgement, its page."""

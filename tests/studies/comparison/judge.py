@@ -1,0 +1,207 @@
+"""Ratios of errors with intervals that contain tunings, conditions and seeds.
+
+In: ln(error) of each tuning under each condition with each seed, for two contestants. Out: a
+:class:`Contrast`, the ratio of their typical errors::
+
+    0.030, 0.034, ... against 0.040, 0.041, ...  ->  0.76 [0.68, 0.85], better
+
+The three are crossed: every tuning meets every condition with every seed. The variance of the mean
+is the sum of that of the mean over tunings (of either contestant, which are not paired), over
+conditions and over seeds (of the paired difference). Each of these means holds a share of the rest
+as well, so that the sum is a little too large rather than too small. Student's t with
+Satterthwaite's degrees of freedom (1946) gives the interval. A bootstrap of five tunings and two
+seeds covers too seldom (tests/studies/test_comparison.py): n values that are drawn again from
+themselves vary by (n - 1) / n of the variance that they come from.
+
+A run that failed, or whose error is above the plan's limit, has this limit as its error: no value
+that counts is worse. Who fails more than the other is neither better than it nor equivalent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from blocks.core import FloatArray
+from runtime.experiments.analysis import benjamini_hochberg
+from tests.studies.comparison import plan, rows
+
+LEVEL = 0.05
+SEEDS = 2
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """ln of a ratio of errors with its interval; p of a difference, and of equivalence."""
+
+    mean: float
+    low: float
+    high: float
+    p: float
+    p_equivalent: float
+    failed: tuple[int, int] = (0, 0)
+
+    @property
+    def word(self) -> str:
+        """The verdict, from p values that are corrected."""
+        more = self.failed[0] - self.failed[1]
+        if self.p_equivalent < LEVEL and more == 0:
+            return "equivalent"
+        if self.p < LEVEL and self.mean < 0.0 and more <= 0:
+            return "better"
+        if self.p < LEVEL and self.mean > 0.0 and more >= 0:
+            return "worse"
+        return "undecided"
+
+
+@dataclass(frozen=True)
+class Cells:
+    """ln(error) by tuning, condition and seed, and how many runs failed."""
+
+    values: FloatArray
+    failed: int = 0
+
+
+def contrast(a: FloatArray, b: FloatArray, margin: float, confidence: float = 0.95) -> Contrast:
+    """The mean of a - b, both of tunings x conditions x seeds, in logarithms."""
+    mean = float(a.mean() - b.mean())
+    by_place = a.mean(axis=0) - b.mean(axis=0)  # conditions x seeds, paired
+    parts = [(_spread(one.mean(axis=(1, 2))), len(one) - 1) for one in (a, b)]
+    parts += [(_spread(by_place.mean(axis=1)), len(by_place) - 1)]
+    parts += [(_spread(by_place.mean(axis=0)), by_place.shape[1] - 1)]
+    variance = sum(v for v, _ in parts)
+    if variance == 0.0:
+        return Contrast(mean, mean, mean, float(mean == 0.0), float(abs(mean) >= margin))
+    freedom = variance**2 / sum(v**2 / n for v, n in parts if n > 0 and v > 0.0)
+    error = math.sqrt(variance)
+    half = float(special.stdtrit(freedom, 0.5 + 0.5 * confidence)) * error
+    p = 2.0 * float(special.stdtr(freedom, -abs(mean) / error))
+    beyond = float(special.stdtr(freedom, (abs(mean) - margin) / error))
+    return Contrast(mean, mean - half, mean + half, p, beyond)
+
+
+def _spread(means: FloatArray) -> float:
+    """The variance of the mean of independent values; 0 of a single one."""
+    return float(means.var(ddof=1)) / len(means) if len(means) > 1 else 0.0
+
+
+def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
+    """The held-out runs of each contestant in a group."""
+    limit = plan.read()["tasks"][task]["failure"]
+    found = {}
+    for name, runs in rows.held_out(task, metric).items():
+        chosen = {place: e for place, e in runs.items() if plan.group_of(place[1]) == group}
+        axes = [sorted({place[i] for place in chosen}) for i in range(3)]
+        bad = [e is None or not e < limit for e in chosen.values()]
+        capped = [
+            math.log(limit if (e := chosen[t, k, s]) is None or not e < limit else e)
+            for t in axes[0]
+            for k in axes[1]
+            for s in axes[2]
+        ]
+        found[name] = Cells(np.array(capped).reshape([len(axis) for axis in axes]), sum(bad))
+    return found
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A line of a question: one contestant against another."""
+
+    task: str
+    group: str
+    metric: str
+    one: str
+    other: str
+    contrast: Contrast
+
+
+def answers(question: dict[str, object]) -> list[Answer]:
+    """All lines of a question, with p values that are corrected over the question."""
+    found = list(_answers(question))
+    p = benjamini_hochberg([line.contrast.p for line in found])
+    beyond = benjamini_hochberg([line.contrast.p_equivalent for line in found])
+    return [
+        replace(line, contrast=replace(line.contrast, p=one, p_equivalent=two))
+        for line, one, two in zip(found, p, beyond, strict=True)
+    ]
+
+
+def _answers(question: dict[str, object]) -> Iterator[Answer]:
+    done, where = rows.tasks(), question["where"]
+    for task, groups in where.items() if isinstance(where, dict) else ():
+        for group in groups if task in done else ():
+            for metric in _names(question["measures"]):
+                found = cells(task, metric, group)
+                for one in _names(question["of"]):
+                    for other in _names(question["against"]):
+                        if one in found and other in found:
+                            a, b = found[one], found[other]
+                            result = contrast(a.values, b.values, plan.margin())
+                            result = replace(result, failed=(a.failed, b.failed))
+                            yield Answer(task, group, metric, one, other, result)
+
+
+def _names(entry: object) -> Sequence[str]:
+    return [str(name) for name in entry] if isinstance(entry, list) else []
+
+
+def bootstrap(
+    a: FloatArray, b: FloatArray, rng: np.random.Generator, times: int = 400
+) -> tuple[float, float]:
+    """The percentile interval of a - b by drawing tunings, conditions and seeds again."""
+
+    def drawn(n: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+        return rng.integers(0, n, n)
+
+    means = []
+    for _ in range(times):
+        k, s = drawn(a.shape[1]), drawn(a.shape[2])
+        one, other = (x[drawn(len(x))][:, k][:, :, s].mean() for x in (a, b))
+        means.append(one - other)
+    low, high = np.quantile(means, [LEVEL / 2, 1 - LEVEL / 2])
+    return float(low), float(high)
+
+
+def simulated(
+    rng: np.random.Generator, shape: tuple[int, int, int], apart: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Two contestants whose difference varies as the plan's ``power`` entry says."""
+    tunings, conditions, seeds = shape
+    spread = plan.read()["power"]
+    place = rng.normal(0, spread["conditions"], (1, conditions, 1))
+    place = place + rng.normal(0, spread["seeds"], (1, 1, seeds))
+    first, second = (
+        rng.normal(0, spread["tunings"], (tunings, 1, 1)) + rng.normal(0, spread["rest"], shape)
+        for _ in range(2)
+    )
+    return first + place + apart, second
+
+
+def power(tunings: int, conditions: int, apart: float, times: int = 1000) -> tuple[float, float]:
+    """The shares of simulated studies that find a difference, and that find equivalence."""
+    rng = np.random.default_rng([tunings, conditions, round(1000 * apart)])
+    shape = (tunings, conditions, SEEDS)
+    found = [contrast(*simulated(rng, shape, apart), plan.margin()) for _ in range(times)]
+    return (
+        float(np.mean([one.p < LEVEL for one in found])),
+        float(np.mean([one.p_equivalent < LEVEL for one in found])),
+    )
+
+
+def power_table() -> str:
+    """Power by the numbers of tunings and conditions, as Markdown."""
+    lines = [
+        "| tunings | conditions | a ratio of the margin is found | equal ones are equivalent |"
+    ]
+    lines += ["|---|---|---|---|"]
+    for tunings in (5, 10, 20):
+        for conditions in (6, 10, 20):
+            larger = power(tunings, conditions, plan.margin())[0]
+            equal = power(tunings, conditions, 0.0)[1]
+            shares = f"{100 * larger:.0f} % | {100 * equal:.0f} %"
+            lines.append(f"| {tunings} | {conditions} | {shares} |")
+    return "\n".join(lines)

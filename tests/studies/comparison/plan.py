@@ -1,0 +1,122 @@
+"""The registered plan as experiment files.
+
+In: ``docs/study/plan.yaml``. Out: for each task a file for ``runtime contest``, with conditions
+that are drawn anew from their own seeds::
+
+    params.gain: {uniform: [0.3, 0.8]}  ->  heals 0: {set: {params.gain: 0.7133, ...}}
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from runtime.document import dump_yaml
+
+FOLDER = Path(__file__).parents[3] / "docs" / "study"
+PLAN, TEXT = FOLDER / "plan.yaml", FOLDER / "plan.md"
+TRAINING, HELD_OUT = "training", "held_out"
+DIGITS = 4
+
+
+@cache
+def read() -> dict[str, Any]:
+    """The plan."""
+    plan: dict[str, Any] = yaml.safe_load(PLAN.read_text(encoding="utf-8"))
+    return plan
+
+
+def conditions(task: str, part: str) -> dict[str, dict[str, Any]]:
+    """The conditions of a task, as changes by name; those of training and held out are others."""
+    plan = read()
+    entry = plan["tasks"][task]
+    found = {}
+    for g, (group, about) in enumerate(entry["groups"].items()):
+        draws = {**entry["draws"], **entry.get("group_draws", {}).get(group, {})}
+        for k in range(about[part]):
+            place = [list(plan["tasks"]).index(task), g, k, part == HELD_OUT]
+            rng = np.random.default_rng([plan["version"], *map(int, place)])
+            values = {path: _drawn(how, rng) for path, how in draws.items()}
+            found[f"{group} {k}"] = {"set": values}
+    return found
+
+
+def group_of(condition: str) -> str:
+    """The group that a condition belongs to."""
+    return condition.rpartition(" ")[0]
+
+
+def _drawn(how: Mapping[str, Any], rng: np.random.Generator) -> Any:
+    if "path" in how:
+        return _path(rng, **how["path"])
+    ((kind, (low, high)),) = ((k, v) for k, v in how.items() if k != "each")
+    values = rng.uniform(low, high, how.get("each", 1))
+    if kind == "signed":
+        values *= rng.choice([-1.0, 1.0], len(values))
+    rounded = [float(f"{value:.{DIGITS}g}") for value in values]
+    return rounded if "each" in how else rounded[0]
+
+
+def _path(
+    rng: np.random.Generator, step: float, turn: float, most: float, points: int
+) -> list[list[float]]:
+    """Waypoints a step apart, whose direction turns by a normal angle of at most ``most`` (rad)."""
+    turns = np.clip(rng.normal(0.0, turn, points - 1), -most, most)
+    turns[0] = 0.0
+    angles = np.cumsum(turns)
+    ways = np.cumsum(step * np.stack([np.cos(angles), np.sin(angles)], axis=1), axis=0)
+    return [[0.0, 0.0], *np.round(ways, 3).tolist()]
+
+
+def experiment(task: str) -> dict[str, Any]:
+    """The contents of a task's file for ``runtime contest``."""
+    plan = read()
+    entry = plan["tasks"][task]
+    return {
+        "experiment": task,
+        "graph": str(FOLDER / entry["graph"]),
+        "minimize": "error",
+        "constraints": {"effort": {"below": entry["effort"]}},
+        "margin": f"{100 * (plan['margin'] - 1):g}%",
+        **{key: plan[key] for key in ("trials", "patience", "batch")},
+        "repeats": plan["tunings"],
+        **{
+            part: {"seeds": plan[part]["seeds"], "conditions": conditions(task, part)}
+            for part in (TRAINING, HELD_OUT)
+        },
+        "contestants": {
+            name: _contestant(changes, entry["vary"])
+            for name, changes in entry["contestants"].items()
+        },
+    }
+
+
+def _contestant(changes: Mapping[str, Any], vary: Mapping[str, Any]) -> dict[str, Any]:
+    """Its changes with files by their whole path, and factors in place of the names of sets."""
+    written = dict(changes)
+    if "with" in written:
+        names = written["with"] if isinstance(written["with"], list) else [written["with"]]
+        written["with"] = [str((FOLDER / name).resolve()) for name in names]
+    factors: dict[str, str] = {}
+    for each in written.pop("vary", []):
+        factors |= vary[each] if isinstance(each, str) else each
+    return written | ({"vary": factors} if factors else {})
+
+
+def write(task: str, folder: Path) -> Path:
+    """Write a task's file, and return it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{task}.yaml"
+    path.write_text(dump_yaml(experiment(task)), encoding="utf-8")
+    return path
+
+
+def margin() -> float:
+    """ln of the smallest ratio that counts."""
+    return math.log(read()["margin"])

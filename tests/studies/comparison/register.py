@@ -1,0 +1,78 @@
+"""Whether the plan came before the runs: its commit beside the times of the rows.
+
+In: the repository, and the rows of docs/study. Out: what is wrong, as sentences::
+
+    path: LQR, tuning 3 began 2026-01-02 10:00:00, before the plan was committed (...)
+
+A change of the plan after its first commit is allowed if a line of ``deviations`` names the
+commit's subject; anything that a condition, a contestant or a range depends on is part of the plan.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from datetime import UTC, datetime
+
+from runtime.errors import UsageError
+from tests.studies.comparison import plan, rows
+
+ROOT = plan.FOLDER.parents[1]
+# What the numbers depend on, besides the package itself.
+REGISTERED = ("docs/study/*.yaml", "docs/study/plan.md", "tests/studies/comparison/plan.py")
+
+
+def _git(*arguments: str) -> list[str]:
+    done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+def commits() -> list[tuple[str, datetime, str]]:
+    """Commits that changed the plan, the first one first: hash, time, subject."""
+    lines = _git("log", "--no-merges", "--reverse", "--format=%h %ct %s", "--", *REGISTERED)
+    parts = [line.split(" ", 2) for line in lines]
+    return [(name, datetime.fromtimestamp(int(at), UTC), subject) for name, at, subject in parts]
+
+
+def require() -> None:
+    """Refuse to run a plan that is not committed.
+
+    Raises
+    ------
+    UsageError : the plan differs from its last commit.
+    """
+    changed = _git("status", "--porcelain", "--", *REGISTERED)
+    if changed or not commits():
+        raise UsageError(f"the plan is not committed: {', '.join(changed) or 'no commit'}")
+
+
+def problems() -> Iterator[str] | list[str]:
+    """What is wrong; empty if every run is younger than the plan and all changes are told."""
+    registered = commits()
+    if not registered:
+        return ["the plan is not committed"]
+    name, first, _ = registered[0]
+    told = plan.read()["deviations"]
+    found = [
+        f"{hash_} changes the plan ({subject}), and no line of deviations names it"
+        for hash_, _, subject in registered[1:]
+        if not any(subject in line for line in told)
+    ]
+    for task in rows.tasks():
+        for (contestant, tuning), began in rows.began(task).items():
+            if began < first:
+                found.append(
+                    f"{task}: {contestant}, tuning {tuning} began {began:%Y-%m-%d %H:%M:%S}, "
+                    f"before the plan was committed ({name}, {first:%Y-%m-%d %H:%M:%S})"
+                )
+    return found
+
+
+def told() -> list[str]:
+    """What there is: the plan's commit, the first run, deviations."""
+    name, first, _ = commits()[0]
+    times = [began for task in rows.tasks() for began in rows.began(task).values()]
+    lines = [f"plan: {name}, {first:%Y-%m-%d %H:%M:%S} UTC"]
+    if times:
+        lines.append(f"first of {len(times)} tunings: {min(times):%Y-%m-%d %H:%M:%S} UTC")
+    return [*lines, *(f"deviation: {line}" for line in plan.read()["deviations"])]
