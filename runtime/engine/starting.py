@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -84,7 +84,7 @@ class Start:
 
     def begin_again(self, names: Container[str]) -> None:
         """Initialise these blocks, and compute what is constant of them."""
-        for name in self._order():
+        for name in self._order:
             if name in names:
                 self._block(name)
         for record in self.plan.records:
@@ -107,7 +107,7 @@ class Start:
         failed: set[str] = set()
         receive = {name: self.network.publications(name) for name in self.network.entries}
         publish = {source.block for found in receive.values() for _, source in found}
-        for name in self._order():
+        for name in self._order:
             sources = {source.block for _, source in receive[name]}
             if not (name in publish or sources) or sources & failed:
                 continue
@@ -122,6 +122,7 @@ class Start:
                     problems.append(Problem(entry.node.key, entry.address, str(error)))
         return problems
 
+    @cached_property
     def _order(self) -> list[str]:
         """Blocks by name; those that publish descriptions before the others."""
         outputs = {n: e.cls.spec.outputs.values() for n, e in self.network.entries.items()}

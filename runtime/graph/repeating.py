@@ -92,8 +92,8 @@ class RepeatedRuns:
 
         Parameters
         ----------
-        whole : whether the result shall have the document and the notes of these entries, which
-            takes a check of the graph; without, they may be those of an earlier run.
+        whole : whether the result shall have the document and the notes of a run with these
+            entries, which takes a check of the graph, or its probes and metrics alone.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class RepeatedRuns:
             engine = Engine(prepared.program, seed, runner, repeats=True)
             last = _Prepared(graph, prepared, engine, values)
         self.metrics = prepared.program.observation.metrics
-        result = simulate(prepared, progress, engine=last.engine)
+        result = simulate(prepared, progress, engine=last.engine, whole=whole)
         if result.status in ("complete", "stopped"):
             self._last = last  # after anything else, a tick may be half done
         return result

@@ -235,7 +235,7 @@ def _taken(task: Task) -> RepeatedRuns:
 
 def _simulate(task: Task, runs: RepeatedRuns, deadline: Deadline) -> Result:
     trial = task.trial
-    values = {path: parse_yaml(cell, path).plain() for path, cell in trial.configuration.edits}
+    values = _values_of(trial.configuration.edits)
     return runs.run(values, trial.seed, deadline, whole=bool(task.keep))
 
 
@@ -270,3 +270,9 @@ def _write_files(bundle: GraphBundle) -> Path:
         if not target.exists():
             write_whole(target, content)
     return folder
+
+
+@lru_cache(1)
+def _values_of(edits: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    """What a configuration sets, by path; the same for all of its seeds."""
+    return {path: parse_yaml(cell, path).plain() for path, cell in edits}
