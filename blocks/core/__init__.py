@@ -98,6 +98,7 @@ from blocks.core.signals import (
     Vector,
     WheelSpeeds,
     differ,
+    dimension,
     signal_type,
 )
 from blocks.core.state_shapes import retune, started, state_lengths, state_shape
@@ -171,6 +172,7 @@ __all__ = [
     "covariance_fault",
     "cross_product",
     "differ",
+    "dimension",
     "directions",
     "dot",
     "eliminate",

@@ -77,13 +77,22 @@ def _offsets(shapes: WorldShapes, d: float) -> Iterator[LineOrArc]:
 def _cut(curves: list[LineOrArc]) -> list[LineOrArc]:
     """Cut curves where they meet, and at the ends of curves that share their carrier."""
     places: list[list[float]] = [[0.0, curve.length] for curve in curves]
+    shared = []
     for i, j in _close_pairs(curves):
         a, b = curves[i], curves[j]
+        if all(b.off(complex(a.at(np.array(part * a.length)))) < ROUNDING for part in (0, 0.5, 1)):
+            shared.append((i, j))
         points = meetings(a, b)
         points += [p for p in _ends(a) if b.off(p) < ROUNDING]
         points += [p for p in _ends(b) if a.off(p) < ROUNDING]
         places[i] += [a.locate(p) for p in points]
         places[j] += [b.locate(p) for p in points]
+    # Flush solids have curves on one carrier, and a long one meets more carriers than a short one.
+    # Both are cut at the same places, so that what they share are equal pieces.
+    own = [list(cuts) for cuts in places]
+    for i, j in shared:
+        places[i] += [curves[i].locate(complex(curves[j].at(np.array(s)))) for s in own[j]]
+        places[j] += [curves[j].locate(complex(curves[i].at(np.array(s)))) for s in own[i]]
     return [
         curve.cut(begin, end)
         for curve, cuts in zip(curves, places, strict=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from blocks.extensions import Registry
 from runtime.export.controller import Exported, export
+from runtime.export.fmu import export_fmu
 from runtime.export.html import export_page
 
 
@@ -30,6 +31,7 @@ class ExportTarget:
 
 OWN = {
     "c": ExportTarget("C99", export),
+    "fmu": ExportTarget("an FMU for co-simulation", export_fmu),
     "html": ExportTarget("one HTML file that simulates the graph", export_page),
 }
 TARGETS: Registry[ExportTarget] = Registry("exports", ExportTarget, "an ExportTarget", own=OWN)

@@ -21,7 +21,7 @@ from blocks.core import Evaluation
 from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
-from runtime.plan.coupling import ADAPTIVE, IMPLICIT, Coupling
+from runtime.plan.coupling import IMPLICIT, Coupling
 from runtime.plan.located import (
     MOST_EVENTS,
     changing,
@@ -102,7 +102,7 @@ class _Builder:
     def find_events(self) -> None:
         """Which blocks have events between ticks, at which times sources jump, what may change."""
         network, switches = self.network, self.switches
-        adaptive = network.solver.name in ADAPTIVE
+        adaptive = network.solver.is_adaptive
         guarded = {name: directions(network, name, adaptive) for name in network.entries}
         self.directions = {name: found for name, found in guarded.items() if found}
         self.edges = edges_between(network, network.entries)

@@ -26,8 +26,6 @@ from blocks.core import FloatArray
 Columns = int
 # The solvers that use a Jacobian.
 IMPLICIT = frozenset({"rodas4"})
-# Those that choose their own steps.
-ADAPTIVE = frozenset({"dopri5", "rodas4"})
 
 
 @dataclass(frozen=True)

@@ -101,15 +101,16 @@ class Builder:
     Parameters
     ----------
     checked : define ``SPIKEBLOCKS_CHECKED``, under which generated code checks its indices.
+    portable : compile for any processor of this kind, and not for this very one.
 
     Raises
     ------
     MissingCompilerError : there is no compiler.
     """
 
-    def __init__(self, checked: bool = False) -> None:
+    def __init__(self, checked: bool = False, portable: bool = False) -> None:
         self.compiler = compiler = find_compiler()
-        options = tuning(compiler)
+        options = () if portable else tuning(compiler)
         checks = (f"-D{CHECKED}=1",) if checked else ()
         self.flags = (*FLAGS, *checks, *options)
         kind = processor() if options else ""

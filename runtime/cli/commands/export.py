@@ -1,4 +1,4 @@
-"""``runtime export``: write a graph, or a part of it, as C or as a page."""
+"""``runtime export``: write a graph, or a part of it, as C, as a page or as an FMU."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
-HELP = "write a graph, or some of its blocks, as C or as a page that simulates"
+HELP = "write a graph, or some of its blocks, as C, as a page that simulates, as an FMU"
 EXAMPLES = """
 runtime export my.yaml c --block lqr
 runtime export my.yaml c --except plant --float32
@@ -22,9 +22,8 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
     parser.add_argument("folder", metavar="DIR", help="folder for the files")
-    parser.add_argument(
-        "--to", default="c", metavar="TARGET", help="c: C99; html: a page that simulates"
-    )
+    targets = "c: C99; html: a page that simulates; fmu: an FMU for co-simulation"
+    parser.add_argument("--to", default="c", metavar="TARGET", help=targets)
     for flag, place, text in (
         ("--block", "blocks", "a block or part to export"),
         ("--except", "others", "export all blocks but these"),
@@ -40,6 +39,8 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument("--ticks", type=integer(1, MOST_TICKS), metavar="N", help=message)
     message = "a value that the reader of a page may change, as fault.gain[1]=0..1"
     parser.add_argument("--slider", action="append", metavar="NAME=LOW..HIGH", help=message)
+    message = "version of the interface of an FMU: 3 (default) or 2"
+    parser.add_argument("--fmi", type=int, choices=(2, 3), help=message)
     add_json(parser)
 
 
@@ -49,10 +50,11 @@ def run(options: Namespace) -> int:
 
     target = chosen(TARGETS, options.to, "export target")
     own: dict[str, Any] = {"name": options.name} if options.name else {}
-    if options.slider:
-        if options.to == "c":
-            raise UsageError("--slider: sliders are for pages (--to html)")
-        own["slider"] = options.slider
+    for key, only in (("slider", "html"), ("fmi", "fmu")):
+        if value := getattr(options, key):
+            if options.to != only:
+                raise UsageError(f"--{key}: this option is for --to {only}")
+            own[key] = value
     made = target.write(
         changed_graph(options.graph, options),
         options.folder,

@@ -81,7 +81,7 @@ def test_from_upside_down_it_comes_to_the_path() -> None:
     flip = math.radians(178)
     graph = runtime.load(
         {
-            "run": {"dt": 0.002, "until": 6.0, "solver": "rk4", "engine": "auto"},
+            "run": {"dt": 0.005, "until": 6.0, "solver": "rk4"},
             "blocks": {
                 "quad": {
                     "type": "Quadrotor",

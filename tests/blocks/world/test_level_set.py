@@ -41,6 +41,22 @@ def check_contour(world: World, d: float, seed: int) -> None:
         assert np.hypot(*(samples - crossing).T).min() < 0.51 * spacing
 
 
+# Walls that are flush, of which other solids cut only the longer one's carrier.
+FLUSH = {
+    "room": [[0.0, 0.0], [0.0, 0.1], [-0.1, 0.1]],
+    "obstacles": [[[0.0, 0.2], [0.1, 0.1], [-0.1, 0.1]], [[0.0, 0.0], [0.0, 0.1], [0.1, -0.2]]],
+}
+
+
+@pytest.mark.parametrize("d", [0.005, 0.01, 0.02])
+def test_flush_walls_have_one_contour(d: float) -> None:
+    """A right isosceles triangle of sides 1 and sqrt(2) has the inradius 1 / (2 + sqrt(2))."""
+    inside = 1.0 - d / (0.1 / (2 + math.sqrt(2)))
+    (loop,) = World(FLUSH).offset_contour(d, 1e-3)
+    assert length(loop) == pytest.approx(0.1 * (2 + math.sqrt(2)) * inside, rel=1e-9)
+    check_contour(World(FLUSH), d, seed=0)
+
+
 @pytest.mark.parametrize("description", [OVERLAPPING, *SHIPPED.values()])
 @pytest.mark.parametrize("d", [0.05, D, 0.5])
 def test_the_contour_is_all_of_the_level_set(description: dict[str, Any], d: float) -> None:

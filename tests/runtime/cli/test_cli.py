@@ -115,7 +115,7 @@ def test_changes_apply_in_the_order_written(cli: Run, small: Path) -> None:
 
 
 def test_wire_moves_an_input(cli: Run, small: Path) -> None:
-    done = cli("run", "small.yaml", "--json", "--wire", "plant.command=go.value")
+    done = cli("run", "--no-plots", "small.yaml", "--json", "--wire", "plant.command=go.value")
     assert json.loads(done.stdout)["metrics"]["turned"] == pytest.approx(0.99 * 0.5)
 
 
@@ -271,7 +271,7 @@ class Interrupting(blocks.Block):
 def test_ctrl_c_keeps_what_was_recorded(cli: Run, small: Path, tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(INTERRUPTING)
     entry = f"{{type: Interrupting, module: {tmp_path / 'own.py'}}}"
-    done = cli("run", "small.yaml", "--set", f"blocks.key={entry}", "--json")
+    done = cli("run", "--no-plots", "small.yaml", "--set", f"blocks.key={entry}", "--json")
     assert done.returncode == 130
     summary = json.loads(done.stdout)
     assert summary["status"] == "interrupted"

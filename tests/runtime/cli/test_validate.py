@@ -114,4 +114,4 @@ def test_neurons_that_are_silent_at_all_points_are_found_without_a_run(
     done = cli("validate", str(path))
     assert done.returncode == 2
     assert "silent.yaml:8:13: blocks.out.solver: no neuron fires at any" in done.stderr
-    assert cli("run", str(path)).returncode == 3
+    assert cli("run", "--no-plots", str(path)).returncode == 3

@@ -159,7 +159,9 @@ def test_the_metric_and_the_folder_hold_the_time(cli: Run, tmp_path: Path) -> No
     graph = stopping({"when": "position.out", "below": 0.5}, engine="python")
     graph = graph.set("metrics.fell", {"kind": "stop_time", "below": 2.0})
     (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
-    done = cli("run", str(tmp_path / "g.yaml"), "--out", str(tmp_path / "runs"), "--json")
+    done = cli(
+        "run", "--no-plots", str(tmp_path / "g.yaml"), "--out", str(tmp_path / "runs"), "--json"
+    )
     assert done.returncode == 0, done.stderr
     assert "stopped at t = 1.0472 s (run.stop)" in done.stderr
     found = json.loads(done.stdout)
@@ -176,7 +178,7 @@ def test_trials_that_stop_are_sound(cli: Run, tmp_path: Path) -> None:
     (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
     arguments = ["--vary", "position.initial=[1,2]", "--seeds", "1", "--jobs", "1"]
     out = ["--out", str(tmp_path / "s")]
-    done = cli("sweep", str(tmp_path / "g.yaml"), *arguments, *out)
+    done = cli("sweep", "--no-plots", str(tmp_path / "g.yaml"), *arguments, *out)
     assert done.returncode == 0, done.stderr
     (index,) = (tmp_path / "s").glob("**/index.csv")
     rows = index.read_text(encoding="utf-8").split("\n")
@@ -191,7 +193,9 @@ def test_an_ablation_says_when_each_variant_stopped(cli: Run, tmp_path: Path) ->
     graph = graph.wire("push.terms", ["spring.out"]).wire("speed.input", "push.out")
     (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
     arguments = ["--without", "spring", "--seeds", "0", "--jobs", "1", "--no-plots", "--json"]
-    done = cli("ablate", str(tmp_path / "g.yaml"), *arguments, "--out", str(tmp_path / "a"))
+    done = cli(
+        "ablate", "--no-plots", str(tmp_path / "g.yaml"), *arguments, "--out", str(tmp_path / "a")
+    )
     assert done.returncode == 0, done.stderr
     (index,) = (tmp_path / "a").glob("**/index.csv")
     header, *rows = (line.split(",") for line in index.read_text().splitlines())

@@ -366,7 +366,7 @@ def test_a_factor_may_replace_a_whole_block(here: Run, draw: Path, tmp_path: Pat
         "experiment: e\ngraph: draw.yaml\nseeds: 3\nvary:\n"
         "  half: [{type: Gain, gain: 3}, {graph: part.yaml}, {type: Lowpass, tau: 1.0}]\n"
     )
-    done = here("sweep", "e.yaml", "--json", "-j", "1")
+    done = here("sweep", "--no-plots", "e.yaml", "--json", "-j", "1")
     assert done.returncode == 0, done.stderr
     out = 1.0 + normal(3)
     with (tmp_path / "sweeps" / "e" / "index.csv").open(newline="") as lines:

@@ -65,7 +65,7 @@ def cluster(start: Start, tmp_path: Path) -> Cluster:
 def test_a_cluster_that_loses_a_worker_gives_the_same_index(
     script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:
-    local = here("sweep", "draw.yaml", *SWEEP, *LATER, "--name", "local")
+    local = here("sweep", "--no-plots", "draw.yaml", *SWEEP, *LATER, "--name", "local")
     assert local.returncode == 0, local.stderr
 
     address, processes = cluster

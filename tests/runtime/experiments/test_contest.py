@@ -63,7 +63,7 @@ def test_a_contest(contest: dict[str, Any], here: Run, tmp_path: Path) -> None:
     assert (lines["fails", "alone"]["difference"]["verdict"]) == "too few seeds"
     names = {path.name for path in (folder / "plots").iterdir()}
     assert names == {"contest.png", "contest.pdf"}
-    again = here("contest", "gains.yaml", "--resume", "-j", "1")
+    again = here("contest", "--no-plots", "gains.yaml", "--resume", "-j", "1")
     assert "gain: total of 2 tunings from" in again.stdout and "alone - gain" in again.stdout
     # What won is carried into an ablation by its name.
     (tmp_path / "with.yaml").write_text(

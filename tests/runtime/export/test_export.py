@@ -18,6 +18,7 @@ import runtime
 from blocks import Block, Input, Output, Scalar, State
 from runtime import toolchain
 from runtime.export import export
+from runtime.export.report import cortex_sizes
 from runtime.runs import read_run
 from runtime.toolchain import TranslationUnit, build
 from tests.conftest import Run
@@ -188,6 +189,18 @@ def test_a_slow_block_holds_its_output(tmp_path: Path) -> None:
         made.step(float(k))
         seen.append(made.outputs[0])
     assert seen == [0.0] * 5 + [15.0] * 5 + [30.0] * 2
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs gcc-arm-none-eabi")
+def test_the_size_of_the_code_grows_with_the_blocks(tmp_path: Path) -> None:
+    def size(*names: str) -> int:
+        made = tmp_path / "-".join(names)
+        export(chain(blocks.Lowpass(tau=0.05)), made, blocks=names)
+        sizes = cortex_sizes({path.name: path.read_text() for path in made.glob("controller.[ch]")})
+        assert sizes is not None and sizes["static"] == 0
+        return sizes["text"]
+
+    assert 50 < size("reader") < size("block", "reader")
 
 
 class Reciprocal(Block):

@@ -118,7 +118,7 @@ def test_a_run_that_ends_early_keeps_its_recording(
     cli: Run, acting: Any, hangup: None, name: str, code: int, memory: str
 ) -> None:
     folder = acting(KILL.replace("{name}", name))
-    done = cli("run", "g.yaml", "--json", "--set", f"run.memory={memory}")
+    done = cli("run", "--no-plots", "g.yaml", "--json", "--set", f"run.memory={memory}")
     assert done.returncode == code, done.stderr
     result = runtime.open(only_run(folder / "runs"))
     assert result.status == "interrupted"
@@ -225,7 +225,8 @@ def test_a_killed_run_is_listed_recovered_and_removed(
     done = cli("run", "g.yaml", "--set", "run.memory=64", "--engine", "python")
     assert done.returncode == -signal.SIGKILL
     (hidden,) = tmp_path.glob(f"runs/acting/.*{PARTIAL}")
-    assert "killed runs left 1 hidden folder" in cli("run", "g.yaml", "--until", "0.1").stderr
+    done = cli("run", "g.yaml", "--until", "0.1", "--no-plots")
+    assert "killed runs left 1 hidden folder" in done.stderr
     listed = cli("clean")
     assert listed.returncode == 0 and str(hidden.name) in listed.stdout
     assert "--yes' removes these" in listed.stderr and hidden.exists()
@@ -275,7 +276,7 @@ metrics:
 
 def test_a_metric_that_is_infinite_is_null_with_a_note(cli: Run, tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(MISSING)
-    done = cli("run", "m.yaml", "--json")
+    done = cli("run", "--no-plots", "m.yaml", "--json")
 
     def refuse(name: str) -> None:
         pytest.fail(f"{name} is no JSON")

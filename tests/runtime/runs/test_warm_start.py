@@ -132,9 +132,11 @@ def test_large_states_on_request(tmp_path: Path) -> None:
 def test_the_command_line(tmp_path: Path, cli: Run) -> None:
     file = tmp_path / "learner.yaml"
     file.write_text(learner(0.05).to_yaml(), encoding="utf-8")
-    first = json.loads(cli("run", str(file), "--out", str(tmp_path), "--json").stdout)
+    first = json.loads(cli("run", "--no-plots", str(file), "--out", str(tmp_path), "--json").stdout)
     folder = Path(first["run"])
-    done = cli("run", str(file), "--out", str(tmp_path), "--json", "--from", str(folder))
+    done = cli(
+        "run", "--no-plots", str(file), "--out", str(tmp_path), "--json", "--from", str(folder)
+    )
     trained = open_run(folder).states["out.weights"]
     found = open_run(json.loads(done.stdout)["run"])
     np.testing.assert_array_equal(found["out.weights"][0], trained)
