@@ -25,7 +25,7 @@ graph = graph.connect("lqr.command", "total.terms").connect("match.feedforward",
 graph = graph.connect("total.out", "plant.command")
 
 graph = graph.probe("pose", "plant.pose").probe("lateral", "error.lateral")
-graph = graph.plot("way", "trajectory", "pose", "track.path")
+graph = graph.plot("path", "trajectory", "pose", "track.path")
 graph = graph.metric("settled_at", "settling_time", "lateral", band=0.02)
 
 result = graph.run()

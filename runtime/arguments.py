@@ -41,9 +41,39 @@ def add_json(parser: ArgumentParser) -> None:
 def add_output(parser: ArgumentParser, folder: str, of: str) -> None:
     """Declare the options of a verb that writes folders: where to, with pictures, and how much."""
     parser.add_argument("--out", default=folder, metavar="DIR", help=f"folder for {of} ({folder})")
+    parser.add_argument(
+        "--figures",
+        type=_formats,
+        default="png",
+        metavar="FORMATS",
+        help="formats of the figures: pdf,svg,png (%(default)s)",
+    )
+    add_style(parser)
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
     add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def add_style(parser: ArgumentParser) -> None:
+    """Declare ``--style``."""
+    parser.add_argument(
+        "--style",
+        choices=("screen", "paper", "paper2"),
+        default="screen",
+        help="of the figures: paper is one column of an IEEE page (3.5 in), paper2 both (7.16 in; "
+        "%(default)s)",
+    )
+
+
+def _formats(text: str) -> list[str]:
+    """The type of ``--figures``."""
+    known = ("pdf", "svg", "png")
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    wrong = [name for name in names if name not in known]
+    if wrong or not names:
+        got = wrong[0] if wrong else text
+        raise ArgumentTypeError(f"expected some of {', '.join(known)}, got '{got}'")
+    return list(dict.fromkeys(names))
 
 
 def show_folder(kind: str, folder: Path, files: Iterable[Path]) -> None:

@@ -8,6 +8,7 @@ Out: the expressions as one function, and errors at the parameter and the item t
 
 from __future__ import annotations
 
+import ast
 import re
 from abc import ABC
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import Any, ClassVar
 from blocks.core.block import Block
 from blocks.core.block_state import BlockContext
 from blocks.core.declarations import Input
-from blocks.core.expression_text import ExpressionError
+from blocks.core.expression_text import ExpressionError, tree_of
 from blocks.core.expression_values import Written
 from blocks.core.expressions import (
     Expressions,
@@ -210,15 +211,26 @@ def wrong_size(texts: Sequence[str], size: int, got: int, what: str) -> str:
     return f"expected {size} {noun}, one per {what}, got {got}"
 
 
+def _is_list(texts: Sequence[str]) -> bool:
+    """Whether a text is a list, as [u[i] for i in range(n)]: a vector, also where n is 1."""
+    if len(texts) != 1 or not texts[0].lstrip().startswith("["):
+        return False
+    return isinstance(tree_of(texts[0]), ast.List | ast.ListComp)
+
+
 def value_type(
-    kind: SignalType | None, width: int, rows: tuple[tuple[str, str], ...] = ()
+    kind: SignalType | None,
+    width: int,
+    texts: Sequence[str] = (),
+    rows: tuple[tuple[str, str], ...] = (),
 ) -> SignalType:
-    """The type of a value of so many components, where ``signal`` may state one.
+    """The type of the value of some texts of so many components, where ``signal`` may state one.
 
     ``rows`` are names and units of the components, if they have any.
     """
     if kind is None:
-        return replace(Scalar if width == 1 else Vector(width), rows=rows)
+        is_number = width == 1 and not _is_list(texts)
+        return replace(Scalar if is_number else Vector(width), rows=rows)
     return kind.sized(width) if kind.symbol else kind
 
 

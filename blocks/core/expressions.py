@@ -74,8 +74,21 @@ def read_expressions(
     ExpressionError : with the column and a suggestion; its ``place`` is a number of ``texts`` or a
         name of ``let``.
     """
-    known: dict[str, Value] = {name: named_value(written) for name, written in names.items()}
-    let = let or {}
+    fixed = tuple((name, _fixed(written)) for name, written in names.items())
+    return _expressions(tuple(texts), fixed, tuple((let or {}).items()))
+
+
+def _fixed(written: Written) -> Any:
+    """What a name stands for, as tuples."""
+    return written if isinstance(written, str) else tuple(map(_fixed, written))
+
+
+@lru_cache(maxsize=500)  # each run of a graph, such as an episode, asks for the same ones again
+def _expressions(
+    texts: tuple[str, ...], names: tuple[tuple[str, Any], ...], lets: tuple[tuple[str, str], ...]
+) -> Expressions:
+    known: dict[str, Value] = {name: named_value(written) for name, written in names}
+    let = dict(lets)
     used = used_words(texts, let)
     writer = Writer()
     for name, text in let.items():

@@ -115,7 +115,7 @@ class _System(Equations, ABC):
     def resolved(self) -> SignalType:
         """The output's type."""
         rows = self.states.rows if self.states and self.results is None else ()
-        return value_type(self.kind, self._width, rows)
+        return value_type(self.kind, self._width, self.results or (), rows)
 
     @property
     def variables(self) -> dict[str, SignalType]:

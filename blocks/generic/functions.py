@@ -72,7 +72,7 @@ class Function(Equations):
     @property
     def resolved(self) -> SignalType:
         """The output's type."""
-        return value_type(self.kind, self._width)
+        return value_type(self.kind, self._width, self.expression)
 
     @property
     def variables(self) -> dict[str, SignalType]:

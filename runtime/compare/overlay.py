@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,7 +17,6 @@ from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import (
     LOOKS,
     OVERLAID,
-    STYLE,
     WIDTH,
     arrange,
     axis_label,
@@ -45,6 +43,7 @@ from runtime.plots import (
     save_figure,
     separate_notes,
     stacked_axes,
+    styled,
     time_axis,
     write_note,
     write_title,
@@ -65,7 +64,9 @@ class _Line:
     held: bool = False
 
 
-def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, Figure]]:
+def overlays(
+    runs: Sequence[Run], probes: Sequence[str], look: str = "screen"
+) -> Iterator[tuple[str, Figure]]:
     """Draw several runs in the same figures.
 
     Parameters
@@ -82,7 +83,7 @@ def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, 
     planes = {}
     for plot in runs[0].result.plots:
         if plot.kind in ("trajectory", "map"):
-            figure = _plane(runs, plot, probes)
+            figure = _plane(runs, plot, probes, look)
             if figure is not None:
                 planes[plot.name] = figure
     yield from planes.items()
@@ -91,7 +92,9 @@ def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, 
         recorded = {label: r for label, r in recordings.items() if r is not None and len(r.t) > 1}
         shapes = {(r.values.shape[1:], r.units) for r in recorded.values()}
         if len(recorded) > 1 and len(shapes) == 1:
-            yield f"{name}_over_time" if name in planes else name, _over_time(runs, name, recorded)
+            panels, own = _panels(recorded), list(recorded.values())
+            figure = _columns(runs, name, panels, own, look)
+            yield f"{name}_over_time" if name in planes else name, figure
 
 
 def versus(runs: Sequence[Run], plot: PlotSpec, look: str = "screen") -> Figure:
@@ -134,13 +137,20 @@ def _timeseries(runs: Sequence[Run], plot: PlotSpec, look: str) -> Figure | None
     return _columns(runs, plot.title, panels, shown, look, plot) if panels else None
 
 
-def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> list[Path]:
-    """Write every overlay as <name>.png into a folder, created if it does not exist."""
+def save_overlays(
+    runs: Sequence[Run],
+    probes: Sequence[str],
+    folder: Path,
+    formats: Sequence[str] = ("png",),
+    look: str = "screen",
+) -> list[Path]:
+    """Write every overlay as <name>.png, or so, into a folder, created if it does not exist."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name, figure in overlays(runs, probes):
-        paths.append(folder / f"{slug(name, 'probe')}.png")
-        save_figure(figure, paths[-1])
+    for name, figure in overlays(runs, probes, look):
+        for kind in formats:
+            paths.append(folder / f"{slug(name, 'probe')}.{kind}")
+            save_figure(figure, paths[-1])
     return paths
 
 
@@ -150,11 +160,6 @@ def _subtitle(runs: Sequence[Run]) -> str:
     text = " and ".join(titles) if len(titles) <= 2 else f"{titles[0]} and {len(titles) - 1} more"
     first, *others = ([*facts(run.result)][1:] for run in runs)
     return "  ·  ".join([text, *(fact for fact in first if all(fact in o for o in others))])
-
-
-def _over_time(runs: Sequence[Run], name: str, recorded: Mapping[str, Recording]) -> Figure:
-    """One probe of all runs over time, an axes for each column."""
-    return _columns(runs, name, _panels(recorded), list(recorded.values()))
 
 
 def _columns(
@@ -167,7 +172,7 @@ def _columns(
 ) -> Figure:
     """Lines over time, an axes for each label of a vertical axis (what follows NUL is left out)."""
     panels = _moving(panels)
-    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
+    with styled(look):
         figure = Figure(layout="constrained")
         height = 1.3 + 1.55 * len(panels) + 0.5 * (len(panels) == 1)
         figure.set_size_inches(WIDTH, height)
@@ -265,7 +270,7 @@ def _plane(
     ]
     if len(poses) < 2:
         return None
-    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
+    with styled(look):
         figure = Figure(layout="constrained")
         if plot.kind == "map" and runs[0].result.world is not None:
             top = _map(figure, runs, plot, poses)
@@ -304,7 +309,7 @@ def _overlaid(
 ) -> Figure:
     """The lines of all runs in the same axes."""
     first = runs[0].result
-    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
+    with styled(look):
         figure = Figure(layout="constrained")
         if plot.kind == "wall_distance":
             top = draw_wall_distance(figure, plot, first, shown)
@@ -318,7 +323,7 @@ def _overlaid(
 
 def _parts(plot: PlotSpec, look: str, shown: Mapping[str, RunData]) -> Figure:
     """A part of the figure for each run, with its label above it."""
-    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
+    with styled(look):
         figure = Figure(layout="constrained")
         page = LOOKS[look]
         tops = draw_parts(figure, plot, shown, page.width is not None)

@@ -43,12 +43,12 @@ from runtime.document.loader import (
 )
 from runtime.document.node import Node, Value, dump_yaml, from_python, parse_yaml
 from runtime.document.run_section import (
-    DEFAULT_MEMORY,
     MAX_TICKS,
     RUN_CHOICES,
     STOP_DOCS,
     Solver,
     Stop,
+    plain_entries,
     read_run,
     read_seed,
     seconds,
@@ -78,7 +78,6 @@ from runtime.document.time_units import SECOND, TIME_UNITS, in_time, rate_text
 from runtime.document.writer import flow_yaml
 
 __all__ = [
-    "DEFAULT_MEMORY",
     "EXAMPLES",
     "FILE_KEYS",
     "FILE_SECTIONS",
@@ -128,6 +127,7 @@ __all__ = [
     "names_in",
     "parse_scalar",
     "parse_yaml",
+    "plain_entries",
     "rate_text",
     "read_file",
     "read_graph",

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any
 
 from blocks.core import hint
 from runtime.document.node import Node
+from runtime.document.scalars import parse_scalar
 from runtime.document.sections import RUN_KEYS, RUN_OTHER_NAMES, check_keys, section
 from runtime.document.time_units import SECOND, TIME_UNITS
 from runtime.errors import Problems
@@ -94,19 +96,36 @@ class Stop:
 
 @dataclass(frozen=True)
 class RunSection:
-    """The section ``run`` with defaults: dt and until in ``time_unit``, memory in bytes."""
+    """The section ``run`` with defaults: times in ``time_unit``, memory in bytes.
+
+    ``keep`` is the length of the last part of the recordings that is kept; None for all.
+    """
 
     dt: float
     until: float
     seed: int
     engine: str
-    memory: int
-    solver: Solver
+    memory: int = DEFAULT_MEMORY
+    solver: Solver = Solver()
     stop: Stop | None = None
     states: str = STATE_CHOICES[0]
     time_unit: str = SECOND
     events: str = EVENT_CHOICES[0]
     loops: str = LOOPS[0]
+    keep: float | None = None
+
+
+def plain_entries(run: Any) -> dict[str, Any]:
+    """The entries of plain values that are not the defaults, of a section or what has all of it.
+
+    Made of the fields, so that a new key is not forgotten.
+    """
+    known = {each.name: each.default for each in fields(RunSection) if each.default is not MISSING}
+    return {
+        key: getattr(run, key)
+        for key, default in known.items()
+        if key not in ("solver", "stop") and getattr(run, key) != default
+    }
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -136,7 +155,7 @@ def read_run(document: Node, problems: Problems) -> RunSection:
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
     events = _choice(run, "events", EVENT_CHOICES, EVENT_CHOICES[0], problems)
     loops = _choice(run, "loops", LOOPS, LOOPS[0], problems)
-    rest = (stop, states, unit, events, loops)
+    rest = (stop, states, unit, events, loops, _keep(run, unit, problems))
     return RunSection(dt, until, seed, engine, memory, solver, *rest)
 
 
@@ -221,6 +240,22 @@ def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
     elif wanted is not None:
         direction = wanted.value
     return Stop(when.value, kinds[0], float(level.value), direction, when)
+
+
+def _keep(run: dict[str, Node], unit: str, problems: Problems) -> float | None:
+    node = run.get("keep")
+    if node is None or node.value is None:
+        return None
+    # As --checkpoint 60s has it; nothing is converted.
+    try:
+        value = parse_scalar(str(node.value).removesuffix(unit).strip())
+    except ValueError:  # out of a float's range
+        value = math.inf
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < math.inf:
+        return float(value)
+    message = f"expected a time above 0, as in 60 or 60{unit}: that of the recordings that is kept"
+    problems.add(node.where, "run.keep", f"{message}; got {node.describe()}")
+    return None
 
 
 def _memory(run: dict[str, Node], problems: Problems) -> int:

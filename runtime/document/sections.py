@@ -70,6 +70,7 @@ RUN_KEYS = (
     "seed",
     "engine",
     "memory",
+    "keep",
     "states",
     "solver",
     "rtol",
@@ -87,6 +88,7 @@ RUN_DOCS = {
     "engine": "python, compiled (needs a C compiler), or auto: compiled where that pays off; "
     "checked: compiled, and every index is checked",
     "memory": "memory for recordings, as in 512M; larger ones are written to disk",
+    "keep": "how much of the recordings is kept, the last part, as in 60s; all by default",
     "states": "final states that the run folder keeps: small (up to 1 MB each), all, none",
     "solver": "how continuous states are integrated between two ticks",
     "rtol": "dopri5, rodas4: largest error of a step, relative to the state",

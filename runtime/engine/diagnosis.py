@@ -19,16 +19,19 @@ class Diagnosis:
     states: Mapping[str, BlockState]
     seen: dict[str, list[float]] = field(init=False)
     moments: list[int] = field(init=False)
+    total: int = field(init=False)
 
     def __post_init__(self) -> None:
         blocks = {name: type(entry.block) for name, entry in self.network.entries.items()}
         self.seen = {name: [] for name, cls in blocks.items() if cls.watch is not Block.watch}
-        total = self.network.ticks
+        total = self.total = self.network.ticks
         self.moments = [total * i // MOMENTS for i in range(1, MOMENTS + 1)] if self.seen else []
 
     def boundary(self, tick: int) -> int:
         """The next tick before which blocks are watched; the end of the run if there is none."""
-        return next((moment for moment in self.moments if moment > tick), self.network.ticks)
+        if not self.moments:
+            return self.total
+        return next((moment for moment in self.moments if moment > tick), self.total)
 
     def look(self, tick: int) -> None:
         """Store what the blocks return before this tick."""

@@ -97,8 +97,6 @@ class Engine:
     note : called with a message for the user when something takes a while.
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
-    keep : the ticks whose rows stay in memory, the last ones, if the length is not known; all by
-        default.
 
     ``state`` owns everything that moves.
     """
@@ -109,7 +107,6 @@ class Engine:
     note: Callable[[str], None] = silent
     profile: Profile | None = None
     folder: Path | None = None
-    keep: int | None = None
     network: Network = field(init=False)
     plan: Plan = field(init=False)
     state: RunState = field(init=False)
@@ -129,10 +126,11 @@ class Engine:
     def __post_init__(self) -> None:
         self.network, self.plan = self.program.network, self.program.plan
         probes, ticks = self.program.observation.probes, self.network.ticks
+        keep = self.network.keep
         self.recorder = Recorder(
             *(probes, ticks, self.network.dt, self.program.gathered, self.folder),
             growing=self.program.growing,
-            keep=self.keep,
+            keep=None if keep is None else max(1, round(keep / self.network.dt)),
         )
         self.arrays = self.recorder.arrays
         self.state = RunState(self.program, self.seed)
@@ -224,7 +222,7 @@ class Engine:
     @property
     def is_stopped(self) -> bool:
         """Whether ``run.stop`` has ended the run."""
-        return bool(self.state.stop[FOUND])
+        return bool(self.state.stop.item(FOUND))
 
     @property
     def log(self) -> FloatArray | None:
@@ -261,28 +259,32 @@ class Engine:
         return tuple(scope[name] for name in names)
 
     def _loop(self, total: int, progress: Progress | None) -> None:
-        chunk, run, recorder = 16, self.runner.run, self.recorder
+        chunk, run, recorder, state = 16, self.runner.run, self.recorder, self.state
+        is_stopped = state.stop.item
         try:
-            while self.state.tick < total and not self.state.stop[FOUND]:
-                stop = min(self.diagnosis.boundary(self.state.tick), self.state.tick + chunk)
-                stop = min(total, stop, recorder.boundary())
-                first, began = self.state.tick, time.perf_counter()
-                self.state.held = run(first, stop, self.state.held)
+            while (first := state.tick) < total and not is_stopped(FOUND):
+                stop = min(total, first + chunk, recorder.boundary())
+                stop = min(stop, self.diagnosis.boundary(first))
+                began = time.perf_counter()
+                state.held = run(first, stop, state.held)
                 took = time.perf_counter() - began
-                stop = round(self.state.stop[TICK]) + 1 if self.state.stop[FOUND] else stop
-                self.state.tick = stop
+                state.tick = stop = round(state.stop[TICK]) + 1 if is_stopped(FOUND) else stop
                 recorder.flush(stop)
                 self.diagnosis.look(stop)
-                copied = self.exact.copied if self.exact is not None else 0.0
-                wanted = max(CHUNK_SECONDS, min(CHUNK_COPIES * copied, CHUNK_MOST))
-                rate = (stop - first) / max(took - copied, 1e-6)
-                chunk = max(1, min(4 * chunk, int(wanted * rate)))
+                if stop < total:
+                    chunk = self._chunk(chunk, stop - first, took)
                 if progress is not None:
-                    progress(self.state.tick, total)
+                    progress(stop, total)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
+
+    def _chunk(self, last: int, ticks: int, took: float) -> int:
+        """How many ticks to run at once, after ``ticks`` of ``last`` took some seconds."""
+        copied = self.exact.copied if self.exact is not None else 0.0
+        wanted = max(CHUNK_SECONDS, min(CHUNK_COPIES * copied, CHUNK_MOST))
+        return max(1, min(4 * last, int(wanted * ticks / max(took - copied, 1e-6))))
 
     def _failed(self, error: BaseException) -> SimulationError:
         """The error that names the block, the tick and the time of an exception."""

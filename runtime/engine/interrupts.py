@@ -13,6 +13,11 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+try:  # signal.signal makes an enum of each handler, and takes as long as many ticks do
+    from _signal import signal as _set  # type: ignore[import-not-found]
+except ImportError:  # another Python than CPython
+    from signal import signal as _set
+
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
@@ -65,6 +70,7 @@ class Interrupts:
 
 
 _current: Interrupts | None = None
+_SIGINT = int(signal.SIGINT)
 
 
 @contextmanager
@@ -96,18 +102,20 @@ class BetweenTicks:
     def __enter__(self) -> BetweenTicks:
         self.caught = False
         self.is_ours = False
-        # One call, and not a question before it: a session that is stepped does this every tick.
-        if threading.current_thread() is threading.main_thread():
-            before = signal.signal(signal.SIGINT, self._handle)
-            self.is_ours = before is signal.default_int_handler
-            if not self.is_ours:
-                signal.signal(signal.SIGINT, before)
+        # One call, and no question before it: a session that is stepped does this every tick.
+        try:
+            before = _set(_SIGINT, self._handle)
+        except ValueError:  # in a thread, which Ctrl-C does not interrupt
+            return self
+        self.is_ours = before is signal.default_int_handler
+        if not self.is_ours:
+            _set(_SIGINT, before)
         return self
 
     def __exit__(self, *error: object) -> None:
         if self.is_ours:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        if error[0] is None:
+            _set(_SIGINT, signal.default_int_handler)
+        if self.caught and error[0] is None:
             self.check()
 
     def check(self, tick: int = 0, total: int = 0) -> None:

@@ -165,6 +165,7 @@ class Recorder:
         self.sinks: dict[str, Rows | Stream] = {}
         self.full = False
         self.constants_saved = False
+        self._boundary: int | None = None
         self.folder: Path | None = None
         # Each row with its time; a stream is written once more, into the run's own file.
         size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
@@ -207,7 +208,9 @@ class Recorder:
 
     def boundary(self) -> int:
         """How many ticks may be done before :meth:`flush` must be called."""
-        return min(map(self._due, self.sinks), default=sys.maxsize)
+        if self._boundary is None:
+            self._boundary = min(map(self._due, self.sinks), default=sys.maxsize)
+        return self._boundary
 
     def _due(self, name: str) -> int:
         """The tick at which a buffer is full."""
@@ -226,9 +229,10 @@ class Recorder:
         ------
         UsageError : the disk is full or not available.
         """
-        for name in self.sinks:
-            if all or tick >= self._due(name):
-                self._empty(name, tick)
+        if all or tick >= self.boundary():
+            for name in self.sinks:
+                if all or tick >= self._due(name):
+                    self._empty(name, tick)
         if self.folder is not None and not self.constants_saved:
             self.constants_saved = True
             for name in self.probes.keys() - self.sinks.keys():
@@ -236,6 +240,7 @@ class Recorder:
 
     def _empty(self, name: str, tick: int) -> None:
         """Take the rows that are new out of a buffer; they are at most to its end."""
+        self._boundary = None
         probe, taken, size = self.probes[name], self._taken(name), self.buffers[name]
         every = probe.input_every if name in self.filters else probe.every
         first = taken % size
@@ -286,6 +291,7 @@ class Recorder:
 
     def restore(self, saved: Saved) -> None:
         """Put back what :meth:`saved` returned, of this recorder or of one with the same probes."""
+        self._boundary = None
         for name, (parts, rows, left, memory) in saved.items():
             sink = self.sinks[name]
             if isinstance(sink, Rows):

@@ -81,7 +81,8 @@ class ExactRunner:
         ------
         CompiledError : compiled code failed, and the tick cannot be run again.
         """
-        while first < last and not self.state.stop[FOUND]:
+        is_stopped = self.state.stop.item
+        while first < last and not is_stopped(FOUND):
             if self._python is not None:
                 return self._python(first, last, held)
             due = last if self.beside is None else self.beside.next(first)

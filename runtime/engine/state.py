@@ -18,7 +18,7 @@ import types
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,8 +73,7 @@ def _row_of(members: tuple[str, ...], state: str) -> str:
     return f"run/{members[0]} and others.{state}"
 
 
-@dataclass(frozen=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """What a run's state was before a tick: a copy that belongs to the run it was taken of.
 
     memory : a copy of :attr:`RunState.memory`; ``numbers`` of the compiled plan's, if there is one.
@@ -217,11 +216,12 @@ class RunState:
         ------
         NotCopiedError : an own block keeps something that cannot be copied.
         """
-        apart = {
-            f"{name}.{key}": (a, a.copy()) for name in self.own for key, a in self._apart(name)
-        }
+        apart: dict[str, tuple[Array, Array]] = {}
+        others: tuple[Restored, ...] = ()
+        if self.own:
+            apart = {f"{n}.{key}": (a, a.copy()) for n in self.own for key, a in self._apart(n)}
+            others = tuple(map(self._others, sorted(self.own - self.compiled)))
         generators = self.drawn()
-        others = tuple(map(self._others, sorted(self.own - self.compiled)))
         numbers = None if self.numbers is None else self.numbers.copy()
         memory = self.memory.copy()
         return Snapshot(

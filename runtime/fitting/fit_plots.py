@@ -7,27 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import matplotlib
 from matplotlib.figure import Figure
 
 from runtime.experiments.analysis.figures import WIDTH
 from runtime.fitting.solving import Fit
-from runtime.plots import COLOURS, GREY, STYLE, headline
+from runtime.plots import COLOURS, GREY, LOOKS, headline, styled
 
 HEIGHT = 2.2  # of a row (inches)
 MOST = 8  # rows
 
 
-def fit_figures(fit: Fit, title: str) -> Iterator[tuple[str, Figure]]:
+def fit_figures(fit: Fit, title: str, look: str = "screen") -> Iterator[tuple[str, Figure]]:
     """The figures of a fit with their names; the first signals if there are many."""
-    with matplotlib.rc_context(STYLE):
-        yield "fit", _overlay(fit, title)
+    with styled(look):
+        yield "fit", _overlay(fit, title, look)
 
 
-def _overlay(fit: Fit, title: str) -> Figure:
+def _overlay(fit: Fit, title: str, look: str) -> Figure:
     series = fit.model.series[:MOST]
-    figure = Figure(figsize=(WIDTH, 0.5 + HEIGHT * len(series)), layout="constrained")
-    headline(figure, title)
+    size = (LOOKS[look].width or WIDTH, 0.5 + HEIGHT * len(series))
+    figure = Figure(figsize=size, layout="constrained")
+    headline(figure, title, "measured and fitted", look)
     rows = figure.subplots(len(series), 2, squeeze=False, sharex="row")
     for (left, right), one, simulated in zip(rows, series, fit.simulated, strict=False):
         unit = f" [{one.unit}]" if one.unit else ""

@@ -95,6 +95,8 @@ class CheckedGraph:
     ) -> Program:
         from runtime.engine import Program
 
+        # Rows in memory that are dropped, instead of arrays as long as the run.
+        growing = growing or self.network.keep is not None
         key = (None if plots is None else repr(plots), profiled, growing)
         if key not in self.programs:
             observation = self.observation if plots is None else self.observation.only_for(plots)

@@ -31,7 +31,7 @@ from runtime.runs import (
 from runtime.sessions import CALLS, GRAPH, SESSION, VERSION, Session
 
 _CHANGE = {"tick": int, "call": str, "arguments": list}
-_FORM = {"session": int, "ticks": int, "keep": (int, float, type(None)), "changes": [_CHANGE]}
+_FORM = {"session": int, "ticks": int, "changes": [_CHANGE]}
 
 
 def is_session(path: str | Path) -> bool:
@@ -58,7 +58,7 @@ def open_session(folder: str | Path) -> Session:
         check_form(stored, _FORM)
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
-    session = load(place / GRAPH).session(keep=stored["keep"])
+    session = load(place / GRAPH).session()
     for each in stored["changes"]:
         if each["call"] not in CALLS:
             call = each["call"]

@@ -75,15 +75,15 @@ class Runnable:
     ) -> Session:
         """A run that is stepped, read, written to and changed; see :class:`runtime.Session`.
 
-        ``engine`` is "python", "compiled" or "auto"; ``keep`` is how much of the recordings stays
-        in memory (s): the last part; all by default.
+        ``engine`` is "python", "compiled" or "auto"; ``keep`` is ``run.keep``: how much of the
+        recordings stays in memory, the last part; all by default.
         """
         from runtime.sessions import Session
 
         graph = self if seed is None else self.with_seed(seed)
         if engine is not None:
             graph = graph._set("run.engine", engine)
-        return Session(graph, keep)
+        return Session(graph if keep is None else graph._set("run.keep", keep))
 
     def linearize(
         self, inputs: Sequence[str] = (), outputs: Sequence[str] = (), **how: Any

@@ -85,7 +85,11 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         self._actions = Ports(network.inputs, as_dict)
         self._observations = Ports(network.outputs, as_dict)
         self.action_space, self.observation_space = self._actions.space, self._observations.space
-        self._addresses = [str(port.end) for port in network.outputs.values()]
+        # What is read after each step: of a port, the reward, the end, and the info.
+        judged = [what for what in (reward, terminated) if isinstance(what, str)]
+        self._seen = [str(port.end) for port in network.outputs.values()]
+        self._read = tuple(dict.fromkeys([*self._seen, *judged, *self._info]))
+        self._last = network.ticks
         self._starts: dict[int, tuple[Session, Any]] = {}
         self._session: Session | None = None
         self._check_addresses(self._begun(network.seed, {}))
@@ -138,7 +142,8 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         else:
             session = self._begun(seed, {} if options is None else options)
         self._session = session
-        return self._observation(session), self._information(session)
+        observation, info, _ = self._look(session)
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Write the action, let its ticks pass, and read what comes of it.
@@ -150,35 +155,36 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         session = self.session
         for name, value in self._actions.split(action):
             session.write(name, value)
-        last = self.graph.network.ticks
-        session.step(max(0, min(self.steps, last - session.tick)))
-        observation, info = self._observation(session), self._information(session)
-        reward = self._judged("reward", observation, action, info)
+        session.step(max(0, min(self.steps, self._last - session.tick)))
+        observation, info, values = self._look(session)
+        reward = self._judged("reward", values, observation, action, info)
         ended = self.terminated is not None and bool(
-            self._judged("terminated", observation, action, info)
+            self._judged("terminated", values, observation, action, info)
         )
-        truncated = session.tick >= last
+        truncated = session.tick >= self._last
         return observation, reward, ended or session.stopped, truncated, info
 
     def close(self) -> None:
         self._starts.clear()
         self._session = None
 
-    def _judged(self, name: str, *of: Any) -> float:
+    def _judged(self, name: str, values: Mapping[str, Any], *of: Any) -> float:
         what = getattr(self, name)
         if isinstance(what, str):
-            return float(self.session.read(what))
+            return float(values[what])
         value = what(*of)
         try:
             return float(value)
         except (TypeError, ValueError):
             raise UsageError(f"{name}: expected a number, got {value!r}") from None
 
-    def _observation(self, session: Session) -> Any:
-        return self._observations.join([session.read(address) for address in self._addresses])
-
-    def _information(self, session: Session) -> dict[str, Any]:
-        return {"t": session.t, **{address: session.read(address) for address in self._info}}
+    def _look(self, session: Session) -> tuple[Any, dict[str, Any], Mapping[str, Any]]:
+        """The observation, the info, and what was read, by its address."""
+        read = session.read(*self._read)
+        values = dict(zip(self._read, read if len(self._read) > 1 else (read,), strict=True))
+        observation = self._observations.join([values[address] for address in self._seen])
+        info = {"t": session.t, **{address: values[address] for address in self._info}}
+        return observation, info, values
 
     def _begun(self, seed: int, options: Changes) -> Session:
         """A session at tick 0 for a seed that was asked for, and may be again."""

@@ -56,13 +56,15 @@ class Ports:
         if self.is_dict:
             arrays = (np.reshape(v, s) for v, s in zip(values, self._shapes, strict=True))
             return dict(zip(self.names, arrays, strict=True))
+        if not any(self._types):
+            return np.array(values)
         row = np.empty(self.size)
         for place, value in zip(self._places, values, strict=True):
-            row[place] = value if type(value) is float else np.ravel(value)
+            row[place] = value if type(value) is float else value.ravel()
         return row
 
-    def split(self, element: Any) -> list[tuple[str, FloatArray]]:
-        """Each port with its value, of the shape of its type.
+    def split(self, element: Any) -> list[tuple[str, float | FloatArray]]:
+        """Each port with its value: a float, or an array of the shape of its type.
 
         Raises
         ------
@@ -75,20 +77,20 @@ class Ports:
             expected = f"expected an action of shape ({self.size},): {', '.join(self.names)}"
             raise UsageError(f"{expected}; got shape {row.shape}")
         return [
-            (name, row[place].reshape(shape))
+            (name, row[place].reshape(shape) if shape else float(row[place]))
             for name, place, shape in zip(self.names, self._places, self._types, strict=True)
         ]
 
-    def _split_dict(self, element: Any) -> list[tuple[str, FloatArray]]:
+    def _split_dict(self, element: Any) -> list[tuple[str, float | FloatArray]]:
         if not isinstance(element, Mapping) or element.keys() != set(self.names):
             expected = f"expected an action with {', '.join(self.names)}"
             raise UsageError(f"{expected}, got {element!r}")
-        found = []
+        found: list[tuple[str, float | FloatArray]] = []
         for name, shape, held in zip(self.names, self._types, self._shapes, strict=True):
             array = _numbers(element[name])
             if array.shape != held:
                 raise UsageError(f"'{name}': expected an action of shape {held}, got {array.shape}")
-            found.append((name, array.reshape(shape)))
+            found.append((name, array.reshape(shape) if shape else float(array[0])))
         return found
 
 

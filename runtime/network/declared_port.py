@@ -50,13 +50,13 @@ class PortDeclaration:
             port, what is expected and what was given.
         """
         try:
-            array = np.asarray(written, dtype=np.float64)
+            array = np.asarray(written)
         except (TypeError, ValueError):
             array = np.empty((0, 0))
-        if array.shape not in ((), self.type.shape):
+        if array.dtype.kind not in "biuf" or array.shape not in ((), self.type.shape):
             expected = f"expected {self.type.numbers} for a {self.type}"
             raise ValueError(f"'{self.name}': {expected}, got {show(written)}")
-        array = np.broadcast_to(array, self.type.shape).copy()
+        array = np.broadcast_to(array, self.type.shape).astype(np.float64)
         if ((array >= self.low) & (array <= self.high) & (abs(array) < math.inf)).all():
             return array
         for relation, bound, is_out in (

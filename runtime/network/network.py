@@ -140,6 +140,7 @@ class Network:
     notes : what looks wrong but can run.
     time_unit : what dt, until and all times of its blocks are in.
     loops : whether an algebraic loop is an "error", or the run has to "solve" it.
+    keep : how much of the recordings is kept, the last part, in ``time_unit``; None for all.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -167,6 +168,7 @@ class Network:
     time_unit: str = SECOND
     events: str = "located"
     loops: str = "error"
+    keep: float | None = None
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)

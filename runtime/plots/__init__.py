@@ -25,7 +25,7 @@ from runtime.plots.linear import (
     draw_margins,
     draw_nyquist,
 )
-from runtime.plots.looks import LOOKS, fit
+from runtime.plots.looks import LOOKS, fit, headline, styled
 from runtime.plots.map import (
     contacts,
     draw_wall_distance,
@@ -41,7 +41,6 @@ from runtime.plots.style import (
     COLOURS,
     GREY,
     LINESTYLES,
-    STYLE,
     WIDTH,
     axis_label,
     coincident,
@@ -49,7 +48,7 @@ from runtime.plots.style import (
     draw_series,
     explain_empty,
     frequency_unit,
-    headline,
+    label_log,
     layers,
     line_style,
     row_spacing,
@@ -57,10 +56,10 @@ from runtime.plots.style import (
     short_labels,
     stacked_axes,
     symbol,
-    thin,
     time_axis,
     write_note,
 )
+from runtime.plots.thinning import thin
 from runtime.plots.titles import facts, separate_notes, write_title
 from runtime.plots.trajectory import draw_trajectory, equal_scales
 
@@ -71,7 +70,6 @@ __all__ = [
     "LINESTYLES",
     "LOOKS",
     "OVERLAID",
-    "STYLE",
     "WIDTH",
     "LinearSystem",
     "animate",
@@ -98,6 +96,7 @@ __all__ = [
     "fit",
     "frequency_unit",
     "headline",
+    "label_log",
     "layers",
     "line_style",
     "map_axes",
@@ -110,6 +109,7 @@ __all__ = [
     "separate_notes",
     "short_labels",
     "stacked_axes",
+    "styled",
     "symbol",
     "thin",
     "time_axis",

@@ -239,6 +239,7 @@ def _densities(
         if np.isfinite(shown).any():
             axes.loglog(frequencies[1:], shown, label=name, **look(i))
     if axes.lines:
+        style.label_log(axes.xaxis, axes.yaxis)
         style.add_legend(axes)
     else:
         style.explain_empty(axes, "constant, or too few rows")

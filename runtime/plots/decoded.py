@@ -18,16 +18,12 @@ from matplotlib.figure import Figure
 from blocks.core import FloatArray
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import style
+from runtime.plots.thinning import thin
 
 BINS = 60
 FEWEST = 5  # rows of a bin that is shown
 MOST_WEIGHTS = 40
-IDEAL: dict[str, Any] = {
-    "color": "black",
-    "linewidth": 1.0,
-    "linestyle": (0, (4, 2)),
-    "zorder": 2.5,
-}
+IDEAL: dict[str, Any] = style.REFERENCE | {"linewidth": 1.0, "zorder": 2.5}
 
 
 @dataclass(frozen=True)
@@ -175,8 +171,8 @@ def _weights(upper: Axes, lower: Axes, recording: Recording, with_name: bool) ->
     lines = order[np.unique(np.linspace(0, len(order) - 1, MOST_WEIGHTS).astype(int))]
     shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines)))
     for i, colour in zip(lines, shades, strict=True):
-        upper.plot(*style.thin(recording.t, values[:, i], 1000), color=colour, linewidth=0.7)
+        upper.plot(*thin(recording.t, values[:, i], 1000), color=colour, linewidth=0.7)
     change = np.sqrt(np.square(values - values[0]).mean(axis=1))
-    lower.plot(*style.thin(recording.t, change, 4000), color=style.COLOURS[0])
+    lower.plot(*thin(recording.t, change, 4000), color=style.COLOURS[0])
     lower.set_ylim(0.0, None)
     style.write_note(upper, f"{len(lines)} of {values.shape[1]} weights, coloured by last value")

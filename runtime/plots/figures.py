@@ -68,7 +68,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     missing = [name for name in plot.of if name not in result.probes]
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
-    with matplotlib.rc_context({**style.STYLE, **looks.LOOKS[look].settings}):
+    with looks.styled(look):
         figure = ShownFigure(layout="constrained")
         top = paint(figure, plot, result)
         if plot.options.get("events") in result.probes:

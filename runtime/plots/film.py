@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -24,6 +23,7 @@ from runtime.files import system_errors
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import map as maps
 from runtime.plots import style, titles
+from runtime.plots.looks import styled
 from runtime.plots.scans import Scene
 from runtime.plots.trajectory import draw_paths, equal_scales, robot_size
 
@@ -82,7 +82,7 @@ def animated_plot(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
             if plot.kind == kind and (world is not None or kind == "trajectory"):
                 return plot
     message = "nothing to animate: the graph has no plot of kind trajectory, map or scans; add one"
-    raise UsageError(f"{message}, as in 'plots: {{way: {{kind: trajectory, of: plant.pose}}}}'")
+    raise UsageError(f"{message}, as in 'plots: {{path: {{kind: trajectory, of: plant.pose}}}}'")
 
 
 def animate(
@@ -118,7 +118,7 @@ def animate(
             raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     end = max(style.run_end(run) for run in runs.values())
     times = np.linspace(0.0, end, FRAMES if end > 0.0 else 1).tolist()
-    with system_errors(f"write '{file}'"), matplotlib.rc_context(style.STYLE):
+    with system_errors(f"write '{file}'"), styled("screen"):
         file.parent.mkdir(parents=True, exist_ok=True)
         _write(plot, runs, file, times, progress)
     return file

@@ -18,7 +18,10 @@ from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
 from runtime.document import SECOND
-from runtime.plots.style import COLOURS, GREY, STYLE, WIDTH, headline, line_style
+from runtime.plots.looks import LOOKS, fit, headline, styled
+from runtime.plots.style import COLOURS, GREY, WIDTH, label_log, line_style
+
+Title = tuple[str, str]  # the graph, and what is shown of it
 
 Complex = npt.NDArray[np.complex128]
 MAX_LINES = 12
@@ -86,12 +89,12 @@ class LinearSystem:
         return t, y[:, 0]
 
 
-def draw_linear(system: LinearSystem, title: str) -> Figure:
+def draw_linear(system: LinearSystem, title: Title, look: str = "screen") -> Figure:
     """Poles, step responses, and gain and phase over frequency, of a linear system.
 
     Every pair of an input and an output is a line, up to twelve of them.
     """
-    with matplotlib.rc_context(STYLE):
+    with styled(look):
         figure = Figure(figsize=(WIDTH, 0.8 * WIDTH), layout="constrained")
         axes: Any = figure.subplots(2, 2)
         (plane, step), (gain, phase) = axes
@@ -115,18 +118,19 @@ def draw_linear(system: LinearSystem, title: str) -> Figure:
         _name_bode(gain, phase, system)
         if len(pairs) > 1:
             figure.legend(*step.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-        headline(figure, title)
+        headline(figure, *title, look)
+        fit(figure, LOOKS[look])
     return figure
 
 
 def draw_margins(
-    system: LinearSystem, crossings: Sequence[tuple[float, str]], title: str
+    system: LinearSystem, crossings: Sequence[tuple[float, str]], title: Title, look: str = "screen"
 ) -> Figure:
     """Gain and phase of a loop transfer function, with its margins.
 
     crossings : frequencies with what is marked there.
     """
-    with matplotlib.rc_context(STYLE):
+    with styled(look):
         figure = Figure(figsize=(WIDTH, 0.75 * WIDTH), layout="constrained")
         gain, phase = figure.subplots(2, 1, sharex=True)
         frequencies = system.frequencies
@@ -149,13 +153,14 @@ def draw_margins(
         _name_bode(gain, phase, system)
         if crossings:
             gain.legend(loc="best")
-        headline(figure, title)
+        headline(figure, *title, look)
+        fit(figure, LOOKS[look])
     return figure
 
 
-def draw_nyquist(system: LinearSystem, title: str) -> Figure:
+def draw_nyquist(system: LinearSystem, title: Title, look: str = "screen") -> Figure:
     """The loop transfer function in the complex plane, and the sensitivity over frequency."""
-    with matplotlib.rc_context(STYLE):
+    with styled(look):
         figure = Figure(figsize=(WIDTH, 0.55 * WIDTH), layout="constrained")
         plane, sensitivity = figure.subplots(1, 2)
         frequencies = system.frequencies
@@ -195,15 +200,22 @@ def draw_nyquist(system: LinearSystem, title: str) -> Figure:
             title="Sensitivity", xlabel=f"frequency [rad/{system.unit}]", ylabel="gain [dB]"
         )
         sensitivity.legend(loc="lower center")
-        headline(figure, title)
+        headline(figure, *title, look)
+        fit(figure, LOOKS[look])
     return figure
 
 
 def draw_locus(
-    values: FloatArray, poles: Sequence[Complex], name: str, period: float, unit: str, title: str
+    values: FloatArray,
+    poles: Sequence[Complex],
+    name: str,
+    period: float,
+    unit: str,
+    title: Title,
+    look: str = "screen",
 ) -> Figure:
     """Poles while a parameter changes: one point for each pole and value."""
-    with matplotlib.rc_context(STYLE):
+    with styled(look):
         figure = Figure(figsize=(0.8 * WIDTH, 0.65 * WIDTH), layout="constrained")
         plane = figure.subplots()
         _stability(plane, period)
@@ -227,7 +239,8 @@ def draw_locus(
         _name_plane(plane, period, unit, "Poles")
         plane.legend(loc="best")
         figure.colorbar(shown, ax=plane, label=name)
-        headline(figure, title)
+        headline(figure, *title, look)
+        fit(figure, LOOKS[look])
     return figure
 
 
@@ -257,6 +270,7 @@ def _bode(
     phases = np.degrees(np.unwrap(np.angle(response)))
     gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), **how)
     phase.semilogx(frequencies, phases, **how)
+    label_log(gain.xaxis, phase.xaxis)
     return np.asarray(phases)
 
 

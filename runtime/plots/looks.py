@@ -7,11 +7,16 @@ below or inside the axes, without a title.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from runtime.plots.style import WIDTH, legend_height
+import matplotlib
+from matplotlib.text import Annotation
+
+from runtime.plots.style import GREY, LETTER, STYLE, TITLE_SIZE, WIDTH, legend_height
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +25,8 @@ if TYPE_CHECKING:
 MANY_NAMES = 4  # that a legend inside narrow axes may have
 NARROW = 12  # characters of a legend's entry, of which three fit into a column
 
+ROW, HANDLE = 60, 7  # characters of a legend's row in a column, and of a line and its gaps
+FACTS, LINE = 8.0, 1.3  # points, and the height of a line in font sizes
 NARROW_ZOOM = 0.66  # of a picture of space, with labels beside it
 
 
@@ -39,14 +46,39 @@ _SMALL: dict[str, Any] = {
     "legend.fontsize": 7.0,
 }
 _SMALL |= {"xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "legend.fontsize": 7.0}
-_SERIF: dict[str, Any] = {"font.family": "serif", "mathtext.fontset": "dejavuserif"}
-_SERIF |= {"font.serif": ["Times New Roman", "Nimbus Roman", "Liberation Serif", "DejaVu Serif"]}
+_SERIF: dict[str, Any] = {"font.family": "serif", "mathtext.fontset": "stix"}
+# STIX, which comes with matplotlib, looks as Times does, and has the letters that Times lacks.
+_SERIF |= {"font.serif": ["Times New Roman", "Nimbus Roman", "Liberation Serif", "STIXGeneral"]}
+_SERIF["font.serif"].append("DejaVu Serif")
 # The columns of an IEEE page are 3.5 in wide, and 7.16 in together.
 LOOKS: Mapping[str, Look] = {
     "screen": Look(),
     "paper": Look(3.5, 4.0, {**_SMALL, **_SERIF}),
     "paper2": Look(7.16, 6.0, {**_SMALL, **_SERIF}),
 }
+
+
+def styled(look: str) -> AbstractContextManager[None]:
+    """The settings of matplotlib in which figures of a look are drawn."""
+    return matplotlib.rc_context({**STYLE, **LOOKS[look].settings})
+
+
+def headline(figure: Figure, title: str, facts: str = "", look: str = "screen") -> None:
+    """Write a title above all axes, and small facts below it; the figure grows for them.
+
+    On paper both are left to the caption.
+    """
+    if LOOKS[look].width is not None:
+        return
+    width, height = map(float, figure.get_size_inches())
+    lines = textwrap.wrap(facts, int(72.0 * width / (LETTER * FACTS)))
+    figure.set_size_inches(width, height + LINE * FACTS * len(lines) / 72.0)
+    # Empty lines keep room in the layout for the facts, which have another font.
+    room = "\n" * math.ceil(len(lines) * FACTS / TITLE_SIZE)
+    top = figure.suptitle(title + room, x=0.01, ha="left", fontsize=TITLE_SIZE, weight="bold")
+    place: Any = {"xytext": (0.0, -1.3 * TITLE_SIZE), "textcoords": "offset points", "va": "top"}
+    how: Any = {"xycoords": top, "fontsize": FACTS, "color": GREY, "annotation_clip": False}
+    figure.add_artist(Annotation("\n".join(lines), (0.0, 1.0), **place, **how))
 
 
 def fit(figure: Figure, look: Look) -> None:
@@ -109,4 +141,6 @@ def _place_above(figure: Figure, axes: Axes, handles: Sequence[Any], labels: Seq
 
 
 def _columns(labels: Sequence[str]) -> int:
+    if sum(map(len, labels)) + HANDLE * len(labels) <= ROW:
+        return len(labels)
     return 3 if max(map(len, labels)) <= NARROW else 2

@@ -19,6 +19,7 @@ from blocks.core import FloatArray
 from runtime.document import SECOND, TIME_UNITS
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import style
+from runtime.plots.thinning import block_means
 from runtime.plots.tuning import Tuning, name_angles, split
 
 MANY_SPIKES = 20_000
@@ -43,7 +44,7 @@ class _Train:
     def binned_rates(self, most: int) -> tuple[FloatArray, int]:
         """Rates (Hz) in at most ``most`` bins of time, and the number of rows per bin."""
         size = -(-len(self.t) // most) or 1
-        return (style.block_means(self.spikes, size) if self.spikes.size else self.spikes), size
+        return (block_means(self.spikes, size) if self.spikes.size else self.spikes), size
 
     def order(self) -> npt.NDArray[np.intp]:
         """Neurons by preferred direction, or by the first principal component of their rates.

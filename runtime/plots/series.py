@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from blocks.core import FloatArray
 from runtime.observation import Recording
 from runtime.plots import style
+from runtime.plots.thinning import block_means
 
 MANY_LINES = 14  # that colours and dashes tell apart; of more, colours show the index
 LINE_POINTS = 200_000
@@ -73,7 +74,13 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
         line_names = [names[line.label] for line in lines]
         _lines(figure, axes, lines, line_names, end)
-        axes.set_ylabel(style.axis_label(line_names, unit))
+        # What the legend beside it names is not named again.
+        own = (
+            line_names
+            if not 1 < len(lines) <= MANY_LINES
+            else [style.signal_name([i.label for i in lines])]
+        )
+        axes.set_ylabel(style.axis_label(own, unit) or "value")
     if silent:
         zero = ", ".join(names[label] for label in silent)
         style.write_note(column[-1], f"not shown, since it is 0 throughout: {zero}")
@@ -108,23 +115,17 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     if not any(len(line.y) for line in lines):
         style.explain_empty(axes)
         return
-    many = len(lines) > MANY_LINES
-    # The bright end of the colour map is too pale for lines on white.
-    colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
+    shown, colours = _looks(lines, names)
     low = high = 0.0
-    layers = style.layers([line.y for line in lines])
-    overlaps = [0] * len(lines) if many else style.coincident([line.y for line in lines])
-    for i, (line, name) in enumerate(zip(lines, names, strict=True)):
+    for line, (name, how) in zip(lines, shown, strict=True):
         is_angle = line.unit == "rad" and not line.held
         t, y = style.gaps_at_turns(line.t, line.y) if is_angle else (line.t, line.y)
-        how: dict[str, Any] = (
-            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, overlaps[i])
-        )
-        how["zorder"] = layers[i]
         if len(y) == 1:
             # A single row is a constant, or a probe slower than the run: it is marked by a dot.
-            axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": ":"})
-            how |= {"marker": "o", "markersize": 4.0}
+            is_plain = how["color"] == style.REFERENCE["color"]
+            dashes = how["linestyle"] if is_plain else ":"
+            axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": dashes})
+            how |= {} if is_plain else {"marker": "o", "markersize": 4.0}
         most = max(400, min(style.THIN_TO, LINE_POINTS // len(lines)))
         is_long = len(y) > style.THIN_ABOVE or len(y) * len(lines) > LINE_POINTS
         style.draw_series(axes, t, y, line.held, most if is_long else 0, label=name, **how)
@@ -132,11 +133,43 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
         low, high = min(low, finite.min(initial=0.0)), max(high, finite.max(initial=0.0))
     if low < 0.0 < high:
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1.0)
-    if many:
+    if colours is not None:
         scale = ScalarMappable(Normalize(-0.5, len(lines) - 0.5), colours)
         figure.colorbar(scale, ax=axes, label="index", pad=0.01, aspect=14)
     else:
         style.add_legend(axes)
+
+
+def _looks(
+    lines: Sequence[_Column], names: Sequence[str]
+) -> tuple[list[tuple[str, dict[str, Any]]], ListedColormap | None]:
+    """The name and the look of each line, and the colours of many lines, which have an index.
+
+    References are grey and dashed; the colours are for what is compared with them. Where they are
+    many, those of one signal have one name in the legend.
+    """
+    marks = [style.is_reference(line.label, name) for line, name in zip(lines, names, strict=True)]
+    marks = [False] * len(lines) if all(marks) else marks
+    layers = style.layers([line.y for line in lines])
+    many = marks.count(False)
+    if many > MANY_LINES:
+        # The bright end of the colour map is too pale for lines on white.
+        map_ = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines)))
+        thin = [{"color": c, "linewidth": 0.5, "linestyle": "-"} for c in map_]
+        looks = [how | {"zorder": z} for how, z in zip(thin, layers, strict=True)]
+        return list(zip(names, looks, strict=True)), ListedColormap(map_)
+    overlaps = style.coincident([line.y for line in lines])
+    found: list[tuple[str, dict[str, Any]]] = []
+    with_name: set[str] = set()
+    for i, (line, name, mark) in enumerate(zip(lines, names, marks, strict=True)):
+        signal = style.signal_of(line.label)
+        if mark and len(lines) > MANY_LINES and signal in with_name:
+            name = "_"
+        with_name.add(signal)
+        before = i - sum(marks[:i])
+        how = style.REFERENCE if mark else style.line_style(before, overlaps[i])
+        found.append((name, how | {"zorder": layers[i]}))
+    return found, None
 
 
 def draw_heatmap(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
@@ -162,7 +195,7 @@ def _heat(figure: Figure, axes: Axes, recording: Recording, end: float) -> None:
         return
     # More rows than pixels: means, and not every n-th row, which would miss short events.
     size = -(-len(values) // HEAT_ROWS)
-    means = style.block_means(values, size)
+    means = block_means(values, size)
     step = style.row_spacing(recording.t, end) * size
     name, low, high = _colours(means)
     image = axes.imshow(

@@ -9,18 +9,20 @@ In: axes, labels, series. Out: the same for every kind of plot, so that two figu
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.document import SECOND, TIME_UNITS
+from runtime.plots.thinning import thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
     from matplotlib.lines import Line2D
@@ -39,6 +41,11 @@ LONG_NAME = 20  # characters, about what fits beside the lowest axes
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINESTYLES = ("-", "--", ":", "-.")
+# What the name of a signal says that others should be; drawn as grey dashes.
+IS_REFERENCE = re.compile(
+    r"(?<![a-z])(reference|setpoint|ideal|exact|target|desired|wanted)(?![a-z])"
+)
+REFERENCE: Any = {"color": "0.45", "linestyle": (0, (4, 2))}
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
@@ -233,6 +240,27 @@ def line_style(i: int, covers: int = 0) -> dict[str, Any]:
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
 
 
+def label_log(*axes: Axis) -> None:
+    """Label 2 and 5 of the minor ticks of logarithmic axes that show less than a decade.
+
+    Matplotlib would label all of them, in powers of ten, which overlap.
+    """
+    for axis in axes:
+        if axis.get_scale() == "log":
+            axis.set_minor_formatter(FuncFormatter(partial(_minor_label, axis)))
+
+
+def _minor_label(axis: Axis, value: float, place: int | None = None) -> str:
+    low, high = sorted(axis.get_view_interval())
+    first = f"{value:e}"[0]
+    return f"{value:g}" if low > 0.0 and high < 10.0 * low and first in "25" else ""
+
+
+def is_reference(*names: str) -> bool:
+    """Whether a line with these names is what others are compared with, as setpoint.out."""
+    return any(IS_REFERENCE.search(name) for name in names)
+
+
 def run_end(result: RunData) -> float:
     """The time at which the run ended."""
     return float(result.manifest.get("ticks", 0) * result.manifest.get("dt", 0.0))
@@ -359,14 +387,6 @@ def place_power(axes: Axes) -> None:
     axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
 
 
-def headline(figure: Figure, text: str) -> None:
-    """Write a title above all axes, in lines as its width needs; the figure grows for them."""
-    width, height = map(float, figure.get_size_inches())
-    lines = textwrap.wrap(text, int(72.0 * width / (LETTER * TITLE_SIZE)))
-    figure.set_size_inches(width, height + 1.3 * TITLE_SIZE / 72.0 * (len(lines) - 1))
-    figure.suptitle("\n".join(lines), fontsize=TITLE_SIZE)
-
-
 def signal_of(label: str) -> str:
     """The signal of a column's label: plant.pose for plant.pose.x, a.w for a.w[0]."""
     return re.sub(r"(\[\d+\]|\.[^.\[\]]+)$", "", label)
@@ -409,39 +429,3 @@ def axis_label(labels: Sequence[str], unit: str) -> str:
         text = signal_name(names) or ("" if unit else "value")
     gap = "\n" if len(text) + len(unit) > LONG_NAME else " "
     return f"{text}{gap}[{unit}]".strip() if unit else text
-
-
-def thin(t: FloatArray, y: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """A series of about ``most`` points that keeps the extremes of each block, and both ends."""
-    if len(y) <= most:
-        return t, y
-    # Of each block of rows the smallest and the largest: every n-th row would lose single spikes,
-    # and turn a sine that is faster than the blocks into a slow one (aliasing).
-    size = -(-2 * len(y) // most)
-    full = len(y) // size * size
-    starts = np.arange(0, full, size)
-    blocks = y[:full].reshape(-1, size)
-    keep = [starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1), [0, len(y) - 1]]
-    if full < len(y):
-        keep.append([full + y[full:].argmin(), full + y[full:].argmax()])
-    index = np.unique(np.concatenate(keep))
-    return t[index], y[index]
-
-
-def block_means(values: FloatArray, size: int) -> FloatArray:
-    """Means over blocks of ``size`` rows, of the finite values; NaN where there are none."""
-    full = len(values) // size * size
-    blocks = [values[:full].reshape(-1, size, values.shape[1]), values[None, full:]]
-    return np.concatenate([_means(block) for block in blocks if block.size])
-
-
-def _means(blocks: FloatArray) -> FloatArray:
-    """Means of the finite values over the second of three axes."""
-    finite = np.isfinite(blocks)
-    if finite.all():
-        means: FloatArray = blocks.mean(axis=1)
-        return means
-    # A block without a finite value is 0 / 0, which is NaN as wanted.
-    with np.errstate(invalid="ignore"):
-        means = np.where(finite, blocks, 0.0).sum(axis=1) / finite.sum(axis=1)
-    return means

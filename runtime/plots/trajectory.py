@@ -2,7 +2,7 @@
 
 In: recordings of the types Pose, Path and PointCloud. Out: one axes in metres, of one scale::
 
-    plots: {way: {kind: trajectory, of: [plant.pose, track.path]}}
+    plots: {trajectory: {kind: trajectory, of: [plant.pose, track.path]}}
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from runtime.observation import Recording
 from runtime.plots import style
 from runtime.plots.map import CONTACT, mark_contacts
 
-ARROWS = 14
+ARROWS = 10
 MARGIN = 0.06  # of the longer side
 STATIONARY = 0.5  # m, shown around a robot that never moves
 FLATTEST, TALLEST = 4.5, 0.55  # width over height of the axes
-SMALL, LARGE = 0.026, 0.038  # triangles along the way and at its ends, in widths of the axes
+TRIANGLE = 0.02  # length, in widths of the axes: not taller than the marks of start and end
+ROBOT = 0.013  # radius of a robot without a body, in widths of the axes
 MATCHED, PATH_POINTS = 400, 5_000
 DASHES = ((0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 CLOUD: dict[str, Any] = {"marker": ".", "markersize": 2.0, "color": "0.6", "linestyle": "none"}
@@ -73,7 +74,7 @@ def draw_paths(figure: Figure, ways: Sequence[Recording], others: Sequence[Recor
 def robot_size(axes: Axes) -> float:
     """The radius (m) with which a robot without a body is seen in an axes."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    return SMALL * max(right - left, top - bottom) / 2.0
+    return ROBOT * max(right - left, top - bottom)
 
 
 def _draw_view(
@@ -224,15 +225,15 @@ def _pose_track(axes: Axes, track: _Track, colour: str, layer: float) -> list[Li
     measure = distance if distance[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
     even = np.linspace(0.0, measure[-1], ARROWS + 2)[1:-1]
     at = np.unique(np.searchsorted(measure, even).clip(max=len(x) - 1))
-    _triangles(axes, track.points[at], colour, SMALL)
-    _triangles(axes, track.points[[0, -1]], colour, LARGE, pivot="tail")
+    _triangles(axes, track.points[at], colour)
+    _triangles(axes, track.points[[0, -1]], colour, pivot="tail")
     return lines
 
 
 def _triangles(
-    axes: Axes, poses: FloatArray, colour: str, size: float, pivot: Literal["mid", "tail"] = "mid"
+    axes: Axes, poses: FloatArray, colour: str, pivot: Literal["mid", "tail"] = "mid"
 ) -> None:
-    """Draw triangles, ``size`` in widths of the axes, at poses, as arrows without a shaft."""
+    """Draw triangles at poses, as arrows without a shaft."""
     x, y, theta = poses.T
     head: dict[str, Any] = {"headlength": 3.0, "headaxislength": 3.0, "headwidth": 2.2}
     axes.quiver(
@@ -240,9 +241,9 @@ def _triangles(
         **head,
         color=colour,
         units="width",
-        width=size / 3.0,
+        width=TRIANGLE / 3.0,
         scale_units="width",
-        scale=1.0 / size,
+        scale=1.0 / TRIANGLE,
         pivot=pivot,
         minlength=0.0,
         zorder=3.0,

@@ -103,7 +103,7 @@ def _facts(results: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
 
 
 def _differences(results: Mapping[str, Any]) -> Html:
-    head = ["variant", "seeds", "mean", "95 % interval of the mean"]
+    head = ["variant", "n", "mean", "95 % interval of the mean"]
     head += ["difference", "95 % interval of the difference"]
     head += ["p, corrected", "significant"]
     groups: dict[str, list[list[str]]] = {}

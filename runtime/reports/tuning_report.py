@@ -157,20 +157,20 @@ def _evaluations(stored: Mapping[str, Any]) -> Html:
     head = ["metric", "values"]
     for runs in ("training", "held out"):
         head += [runs, "95 % interval", "difference", "p"]
-    head.append("optimism")
+    head.append("overfit")
     rows = []
     for line in stored["table"]:
-        name = str(line["configuration"]) if line["configuration"] else "own"
+        name = str(line["configuration"]) if line["configuration"] else "baseline"
         row: list[str | Html] = [with_unit(line["metric"], stored["units"]), name]
         for runs in ("training", "held_out"):
             row += _cells(line[runs], (stored.get("never") or {}).get(line["metric"], NEVER))
         rows.append([*row, pieces.number(line.get("optimism"), signed=True)])
     note = element(
         "p",
-        "Own: the graph's own values. Differences are from them on the same conditions, or of one "
-        "condition on the same seeds (paired t, or signed ranks where values are skewed or runs "
-        "failed, p by Benjamini-Hochberg; what is never reached, and a run that failed, counts as "
-        "worse than any value; in %: the typical ratio). Optimism: training minus held-out. "
+        "Baseline: the values as in the graph. Differences are from it on the same conditions, or "
+        "of one condition on the same seeds (paired t, or signed ranks where values are skewed or "
+        "runs failed, p by Benjamini-Hochberg; what is never reached, and a failed run, counts "
+        "as worse than any value; in %: the typical ratio). Overfit: training minus held-out. "
         f"{SAME}: {SAME_RUNS}.",
         class_="soft small",
     )

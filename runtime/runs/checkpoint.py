@@ -68,6 +68,11 @@ class Checkpoints:
     def begin(self, engine: Engine, progress: Progress | None) -> Progress:
         """Prepare the engine; returns what is to be called after each of its calls."""
         self.engine = engine
+        if engine.network.keep is not None:
+            raise UsageError(
+                "run.keep: a run with checkpoints has all of its recordings on disk, from which it "
+                "goes on; leave out keep ('--set run.keep=null'), or the checkpoints"
+            )
         if self.source is not None:
             engine.prepare()
             given, header = restored(*self.source)

@@ -23,7 +23,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, SECOND, Override, arrays_in, dump_yaml
+from runtime.document import Override, arrays_in, dump_yaml, plain_entries
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.errors import raised_at
 from runtime.network import Network
@@ -89,6 +89,8 @@ def simulate(
     network, program = graph.network, graph.program
     began = datetime.now().astimezone()
     runner = chosen_runner(network, note) if profile is None else None
+    # What is kept of a run without end is in memory.
+    folder = folder if network.keep is None else None
     engine = Engine(program, network.seed, runner, note, profile, folder)
     if program.gathered:
         if not program.growing:
@@ -132,6 +134,9 @@ def result_of(graph: PreparedRun, engine: Engine, outcome: Outcome, began: datet
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
     notes += _unlocated(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
+    if network.keep is not None and outcome.ticks * network.dt > network.keep:
+        kept = f"{network.keep:g} {network.time_unit}"
+        notes.append(f"run.keep: recordings, metrics and plots are of the last {kept}")
     if network.initial:
         notes.append(
             f"the states of {', '.join(sorted(network.initial))} are those of an earlier run; time "
@@ -285,14 +290,7 @@ def _resolved_document(graph: PreparedRun, engine: str) -> dict[str, Any]:
         "seed": network.seed,
         "engine": engine,
     }
-    if network.memory != DEFAULT_MEMORY:
-        run["memory"] = network.memory
-    if network.time_unit != SECOND:
-        run["time_unit"] = network.time_unit
-    if network.states != "small":
-        run["states"] = network.states
-    if network.events != "located":
-        run["events"] = network.events
+    run |= plain_entries(network)
     if network.stop is not None:
         run["stop"] = network.stop.entries()
     return {**graph.document(), "run": run | network.solver.entries()}

@@ -10,23 +10,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from blocks.core import ParameterError, hint
+from blocks.core import ParameterError
 from runtime.document import dump_yaml, read_graph
 from runtime.engine import (
     BetweenTicks,
     Carried,
     Engine,
     NotCopiedError,
-    Reader,
     adopt,
     adopt_changed,
     carried,
@@ -34,16 +32,15 @@ from runtime.engine import (
 from runtime.errors import SimulationError, UsageError
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.network import Network
-from runtime.plan import Signal, Source
 from runtime.runs import (
     PreparedRun,
     Result,
     chosen_runner,
     contents,
-    output_at,
     portable,
     result_of,
 )
+from runtime.sessions.signals import Signals
 
 
 class ChangeableGraph(Protocol):
@@ -60,12 +57,11 @@ class ChangeableGraph(Protocol):
 
 
 # The methods that are logged; all but the first are those of a graph.
-SESSION, GRAPH, RUN, VERSION = "session.json", "graph.yaml", "run", 1
+SESSION, GRAPH, RUN, VERSION = "session.json", "graph.yaml", "run", 2
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
 
 
-@dataclass(frozen=True)
-class Change:
+class Change(NamedTuple):
     """One change: the tick before which it was made, the method and its arguments."""
 
     tick: int
@@ -93,8 +89,7 @@ class Session:
 
     Parameters
     ----------
-    graph : with the seed and the engine of the run.
-    keep : how much of the recordings stays in memory (s), the last part; all by default.
+    graph : with the seed and the engine of the run, and how much of it is kept (``run.keep``).
 
     ``first`` is the graph before the first change. Times are in the graph's ``time_unit``.
 
@@ -103,11 +98,8 @@ class Session:
     GraphError : the graph is wrong. SimulationError : a block cannot start.
     """
 
-    def __init__(self, graph: ChangeableGraph, keep: float | None = None) -> None:
-        if keep is not None and not (math.isfinite(keep) and keep > 0.0):
-            raise UsageError(f"expected a time above 0 to keep, got {keep}")
-        self.first, self.keep = graph, keep
-        self._graph = graph
+    def __init__(self, graph: ChangeableGraph) -> None:
+        self.first = self._graph = graph
         self._began = datetime.now().astimezone()
         self._log: list[Change] = []
         # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
@@ -164,7 +156,7 @@ class Session:
         self._check()
         if not isinstance(ticks, (int, np.integer)) or ticks < 0:
             raise UsageError(f"expected a number of ticks of at least 0, got {ticks!r}")
-        last = self.tick + int(ticks)
+        last = self._engine.state.tick + int(ticks)
         if last > self._engine.network.ticks:
             self._extend(last)
         try:
@@ -183,62 +175,29 @@ class Session:
 
     # Signals
 
-    def read(self, address: str) -> Any:
+    def read(self, *addresses: str) -> Any:
         """A signal, a component or a state at the time ``t``: a float, or an array.
 
-        A signal is what the next tick will compute, a state what it finds.
+        A signal is what the next tick will compute, a state what it finds. Of several addresses,
+        it is a tuple; what they depend on is computed once.
 
         Raises
         ------
         UsageError : there is no such address.
         """
         self._check()
-        if address not in self._readers:
-            self._readers[address] = self._reader_of(address)
-        value = self._readers[address]()
-        return float(value) if np.ndim(value) == 0 else np.array(value, dtype=np.float64)
-
-    def _reader_of(self, address: str) -> Callable[[], Any]:
-        """What reads an address in the present engine."""
-        engine = self._engine
-        end = output_at(engine.network, str(address))
-        kind = engine.network.types.get((end.block, end.port))
-        missing = UsageError(f"'{address}': there is no component '{end.component}'")
-        if kind is None:
-            array = getattr(engine.state.blocks[end.block], end.port)
-            if not end.component:
-                return lambda: array
-            if not (end.component.isdecimal() and array.ndim and int(end.component) < len(array)):
-                raise missing
-            return lambda: array[int(end.component)]
-        signal, read = Signal(end.block, end.port, kind), Reader(engine).read
-        if not end.component:
-            return partial(read, signal)
-        columns = Source(signal, end.component).columns
-        if columns is None:
-            raise missing
-        return lambda: np.asarray(read(signal))[columns]
+        return self._signals.read(*addresses)
 
     def write(self, port: str, value: Any) -> None:
         """Set an input of the graph, from the next tick on.
 
         Raises
         ------
-        UsageError : there is no such input, or the value is out of its bounds.
+        UsageError : there is no such input, or the value is none of its type or out of bounds.
         """
         self._check()
-        inputs = self._engine.network.inputs
-        if port not in inputs:
-            known = hint(port, inputs) or f"; its inputs are {', '.join(inputs)}"
-            known = known if inputs else "; a graph's inputs are declared in its section 'inputs'"
-            raise UsageError(f"the graph has no input '{port}'{known}")
-        declared = inputs[port]
-        try:
-            array = declared.value(value)
-        except ValueError as error:
-            raise UsageError(str(error)) from None
-        self._engine.state.blocks[declared.end.block].value[...] = array
-        self._log.append(Change(self.tick, "write", (port, array.tolist())))
+        written = _plain(self._signals.write(port, value))
+        self._log.append(Change(self._engine.state.tick, "write", (port, written)))
 
     # Changes
 
@@ -274,7 +233,7 @@ class Session:
         place = f"blocks.{name}.{parameter}"
         self._unwritten.pop(place, None)  # the last one counts
         self._unwritten[place] = _plain(value)
-        self._readers.clear()
+        self._signals.clear()
         return True
 
     def wire(self, consumer: str, source: str | Sequence[str] | None) -> None:
@@ -282,12 +241,12 @@ class Session:
         self._change("wire", consumer, source)
 
     def without(self, *names: str) -> None:
-        """Remove blocks or parts."""
-        self._change("without", *names)
+        """Remove blocks or parts, one or more."""
+        self._change_of("without", names)
 
     def bypass(self, *names: str) -> None:
-        """Bypass blocks: what they take in passes straight through."""
-        self._change("bypass", *names)
+        """Bypass blocks, one or more: what they take in passes straight through."""
+        self._change_of("bypass", names)
 
     def replace(self, name: str, kind: str) -> None:
         """Put a block of another type in a block's place."""
@@ -298,6 +257,11 @@ class Session:
         if not isinstance(source, Mapping):
             source = read_graph(source)[0].plain()
         self._change("overlay", source)
+
+    def _change_of(self, call: str, names: Sequence[str]) -> None:
+        if not names:
+            raise UsageError(f"{call}: expected the name of a block, as in {call}('noise')")
+        self._change(call, *names)
 
     def _change(self, call: str, *arguments: Any) -> None:
         self._check()
@@ -353,7 +317,7 @@ class Session:
     def branch(self) -> Session:
         """Another session that goes on from here, independent of this one."""
         other = Session.__new__(Session)
-        other.first, other.keep, other._began = self.first, self.keep, self._began
+        other.first, other._began = self.first, self._began
         saved = self.snapshot()
         other._log, other._graph, other._unwritten = list(saved.log), saved.graph, {}
         engine = self._prepared(saved.graph)
@@ -364,9 +328,14 @@ class Session:
     # Results
 
     def result(self) -> Result:
-        """What was recorded up to now, with metrics and plots; the session can go on."""
-        prepared = self.graph.prepared(growing=True)
-        return result_of(prepared, self._engine, self._engine.finish(), self._began)
+        """What was recorded up to now, with metrics and plots; the session can go on.
+
+        After a failure, the status is "failed", and the ticks are those before it.
+        """
+        prepared, outcome = self.graph.prepared(growing=True), self._engine.finish()
+        if self._failed is not None:
+            outcome.status, outcome.error = "failed", self._failed
+        return result_of(prepared, self._engine, outcome, self._began)
 
     def save(self, folder: str | Path) -> Path:
         """Write the session into a folder that must not exist yet; returns the folder.
@@ -386,7 +355,7 @@ class Session:
             {"tick": each.tick, "call": each.call, "arguments": list(each.arguments)}
             for each in self._log
         ]
-        content = {"session": VERSION, "ticks": self.tick, "keep": self.keep, "changes": changes}
+        content = {"session": VERSION, "ticks": self.tick, "changes": changes}
         try:
             text = json.dumps(content)  # infinity included, which json reads again
         except TypeError as error:
@@ -412,9 +381,8 @@ class Session:
 
     def _prepared(self, graph: ChangeableGraph) -> Engine:
         prepared = graph.prepared(growing=True)
-        network, program = prepared.network, prepared.program
-        keep = None if self.keep is None else max(1, round(self.keep / network.dt))
-        engine = Engine(program, network.seed, chosen_runner(network), keep=keep)
+        network = prepared.network
+        engine = Engine(prepared.program, network.seed, chosen_runner(network))
         engine.prepare()
         return engine
 
@@ -422,7 +390,7 @@ class Session:
         # What reads a signal is made of the engine's text: it stays where that does.
         if engine is not getattr(self, "_engine", None):
             self._engine = engine
-            self._readers: dict[str, Callable[[], Any]] = {}
+            self._signals = Signals(engine)
         self._failed = None
 
 
@@ -435,6 +403,8 @@ def _carried(engine: Engine) -> Carried:
 
 def _plain(value: Any) -> Any:
     """A copy of an argument as YAML has it: numbers of Python, lists and mappings."""
+    if type(value) is float:
+        return value
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

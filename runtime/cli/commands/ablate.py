@@ -87,8 +87,9 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.study_figures import study_figures
         from runtime.experiments.analysis.sweep_plots import sweep_figures
 
-        crossed = sweep_figures(done.folder) if plan.design.factors else ()
-        pictures = save_figures(done.folder, [("ablation", ablation_figure(done.folder)), *crossed])
+        crossed = sweep_figures(done.folder, options.style) if plan.design.factors else ()
+        figures = [("ablation", ablation_figure(done.folder, options.style)), *crossed]
+        pictures = save_figures(done.folder, figures, options.figures)
         pictures += save_figures(done.folder, study_figures(plan, done.folder), ("pdf", "png"))
     show_results(options, done.to_dict(), f"{done.text()}\n", pictures)
     return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0

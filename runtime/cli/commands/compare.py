@@ -80,6 +80,7 @@ def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Pa
     names = [pair.name for other in comparison.others for pair in other.pairs if not pair.fault]
     folder = new_folder(Path(options.out), comparison.runs[0].result.title)
     with system_errors(f"write '{folder}'"):
-        pictures = save_overlays(comparison.runs, list(dict.fromkeys(names)), folder)
+        probes, how = list(dict.fromkeys(names)), (options.figures, options.style)
+        pictures = save_overlays(comparison.runs, probes, folder, *how)
     link_latest(folder)
     return folder, pictures

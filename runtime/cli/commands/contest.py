@@ -45,6 +45,7 @@ def add(parser: ArgumentParser) -> None:
         help="the smallest difference that counts, as error=0.001 or 5%%; repeatable",
     )
     add_experiment(parser, "contest", "contests", "training; the graph's own seed")
+    parser.set_defaults(figures="pdf,png", style="paper")
 
 
 def run(options: Namespace) -> int:
@@ -76,7 +77,7 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.figures import save_figures
         from runtime.experiments.tuning.contest_plots import contest_figure
 
-        figures = [("contest", contest_figure(result))]
-        pictures = save_figures(result.folder, figures, ("pdf", "png"))
+        figures = [("contest", contest_figure(result, options.style))]
+        pictures = save_figures(result.folder, figures, options.figures)
     show_results(options, result.to_dict(), f"{result.text()}\n", pictures)
     return 0

@@ -96,7 +96,8 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.figures import save_figures
         from runtime.fitting import fit_figures
 
-        pictures = save_figures(folder, fit_figures(fit, experiment.name))
+        figures = fit_figures(fit, experiment.name, options.style)
+        pictures = save_figures(folder, figures, options.figures)
     show_results(options, stored, summary(fit), pictures)
     if options.write:
         from runtime.experiments.tuning import write_values

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.arguments import add_json, at_least
+from runtime.arguments import add_json, add_style, at_least
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, tell
@@ -60,6 +60,7 @@ def add(parser: ArgumentParser) -> None:
     kind.add_argument("--rlocus", metavar="PARAM=RANGE", help=message)
     message = "draw: poles and responses, or what was asked for; png, svg, pdf"
     figures.add_argument("-o", "--out", metavar="FILE", help=message)
+    add_style(parser)
     add_json(parser)
 
 
@@ -192,7 +193,9 @@ def _figure(
 
     names = found.inputs, found.outputs
     system = LinearSystem(found.a, found.b, found.c, found.d, *names, found.period, found.time_unit)
-    title = f"{graph.title}: {found.opened}" if found.opened else graph.title
+    what = f"loop opened at {found.opened}" if found.opened else "linearized"
+    title = (graph.title, f"{what}, t = {options.at:g} {found.time_unit}")
+    look = options.style
     if options.rlocus:
         name, low, high = _range("--rlocus", options.rlocus)
         is_log = low > 0.0 and high >= 20.0 * low
@@ -203,9 +206,9 @@ def _figure(
             _linearized(graph.set(name, float(v), origin="--rlocus"), options, states).poles
             for v in values
         ]
-        return draw_locus(values, poles, name, found.period, found.time_unit, title)
+        return draw_locus(values, poles, name, found.period, found.time_unit, title, look)
     if options.nyquist:
-        return draw_nyquist(system, title)
+        return draw_nyquist(system, title, look)
     if options.margins:
-        return draw_margins(system, crossings(given["margins"], found.time_unit), title)
-    return draw_linear(system, title)
+        return draw_margins(system, crossings(given["margins"], found.time_unit), title, look)
+    return draw_linear(system, title, look)

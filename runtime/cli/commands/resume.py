@@ -34,9 +34,7 @@ def add(parser: ArgumentParser) -> None:
     )
     add_real_time(parser)
     add_output(parser, "runs", "run folders")
-    parser.set_defaults(
-        vs=None, labels="", figures="png", style="screen", animate=False, profile=False, watch=False
-    )
+    parser.set_defaults(vs=None, labels="", animate=False, profile=False, watch=False)
 
 
 def run(options: Namespace) -> int:

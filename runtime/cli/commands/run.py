@@ -46,15 +46,6 @@ def add(parser: ArgumentParser) -> None:
         "--labels", default="", metavar="A,B", help="names of both runs in the pictures of --vs"
     )
     parser.add_argument(
-        "--figures", default="png", metavar="FORMATS", help="formats: pdf,svg,png (png)"
-    )
-    parser.add_argument(
-        "--style",
-        choices=("screen", "paper", "paper2"),
-        default="screen",
-        help="of the figures: paper is one column of an IEEE page (3.5 in), paper2 both (7.16 in)",
-    )
-    parser.add_argument(
         "--watch",
         action="store_true",
         help="run again whenever the graph is saved, with the last run in the same pictures",
@@ -211,7 +202,6 @@ def _report_leftovers(folder: Path) -> None:
 
 def _check_options(graph: Graph, options: Namespace) -> None:
     """Raise an error before the run if the graph does not allow an option."""
-    _formats(options.figures)
     if options.labels:
         names("", options.labels)
         if options.vs is None:
@@ -224,22 +214,6 @@ def _check_options(graph: Graph, options: Namespace) -> None:
         animated_plot(graph.observation.plots, graph.network.world)
     if options.profile and graph.network.engine in ("compiled", "checked"):
         raise UsageError("--profile measures each block, which needs --engine python")
-
-
-def _formats(text: str) -> list[str]:
-    """The formats of figures.
-
-    Raises
-    ------
-    UsageError : one of them is unknown.
-    """
-    known = ("pdf", "svg", "png")
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    wrong = [name for name in names if name not in known]
-    if wrong or not names:
-        got = wrong[0] if wrong else text
-        raise UsageError(f"--figures {text}: expected some of {', '.join(known)}, got '{got}'")
-    return list(dict.fromkeys(names))
 
 
 def _pictures(
@@ -262,9 +236,8 @@ def _pictures(
         from runtime.plots import save_plots
 
         drawing = Progress("drawing", wanted=wanted)
-        formats = _formats(options.figures)
         files += save_plots(
-            *(result, folder / "plots", result.notes.append, formats, options.style, drawn),
+            *(result, folder / "plots", result.notes.append, options.figures, options.style, drawn),
             progress=drawing,
             share=True,
         )

@@ -57,7 +57,8 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.study_figures import study_figures
         from runtime.experiments.analysis.sweep_plots import sweep_figures
 
-        pictures = save_figures(result.folder, sweep_figures(result.folder))
+        figures = sweep_figures(result.folder, options.style)
+        pictures = save_figures(result.folder, figures, options.figures)
         pictures += save_figures(result.folder, study_figures(plan, result.folder), ("pdf", "png"))
     for reason in result.tally.top_reasons() * (not options.json):
         tell(f"  {reason['count']} x {reason['reason']}")

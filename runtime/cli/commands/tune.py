@@ -122,7 +122,8 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.figures import save_figures
         from runtime.experiments.tuning.tuning_plots import tuning_figures
 
-        pictures = save_figures(result.folder, tuning_figures(result.folder))
+        figures = tuning_figures(result.folder, options.style)
+        pictures = save_figures(result.folder, figures, options.figures)
     show_results(options, stored, f"{summary(result)}\n", pictures)
     if not result.has_feasible:
         return 3

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -21,7 +20,7 @@ from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.analysis.figures import MARK, WIDTH
+from runtime.experiments.analysis.figures import MARK, NARROW, WIDTH
 from runtime.experiments.analysis.statistics import is_significant
 from runtime.experiments.analysis.words import NEVER, SAME, SAME_RUNS, TOO_FEW, too_few
 from runtime.experiments.design import BASELINE
@@ -40,12 +39,13 @@ from runtime.plots import (
     COLOURS,
     GREY,
     LINESTYLES,
-    STYLE,
+    LOOKS,
     coincident,
     draw_world,
     explain_empty,
     headline,
     line_style,
+    styled,
     view_limits,
 )
 from runtime.runs import read_run
@@ -59,12 +59,13 @@ SMALL: Any = {"xycoords": ("axes fraction", "data"), "fontsize": 7.0, "va": "cen
 PATH: dict[str, Any] = {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 1.0}
 
 
-def ablation_figure(folder: Path) -> Figure:
+def ablation_figure(folder: Path, look: str = "screen") -> Figure:
     """Metrics by variant above, and trajectories with the first seed, if there are any, below.
 
     Parameters
     ----------
     folder : of an ablation that is complete.
+    look : of the figure, a name in :data:`runtime.plots.LOOKS`.
 
     Raises
     ------
@@ -72,18 +73,20 @@ def ablation_figure(folder: Path) -> Figure:
     """
     facts = read_facts(folder)
     trajectories = list(_trajectories(folder, facts["variants"]))
-    rows = math.ceil(len(facts["metrics"]) / COLUMNS)
+    width = LOOKS[look].width or WIDTH
+    columns = COLUMNS if width > NARROW else 1
+    rows = math.ceil(len(facts["metrics"]) / columns)
     above = rows * (0.75 + 0.23 * len(facts["variants"]))
-    below = _plane_height(trajectories)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
-        headline(figure, f"{facts['experiment']}  ·  {_caption(facts)}")
+    below = _plane_height(trajectories, width)
+    with styled(look):
+        figure = Figure(figsize=(width, above + below + 0.4), layout="constrained")
+        headline(figure, facts["experiment"], _caption(facts), look)
         if trajectories:
             top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
-            _metrics(top, folder, facts, rows)
+            _metrics(top, folder, facts, (rows, columns))
             _plane(bottom, trajectories, f"Trajectories with seed {facts['seeds'][0]}")
         else:
-            _metrics(figure, folder, facts, rows)
+            _metrics(figure, folder, facts, (rows, columns))
     return figure
 
 
@@ -128,7 +131,9 @@ def overall(facts: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], rows: int) -> None:
+def _metrics(
+    figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], shape: tuple[int, int]
+) -> None:
     """One axes per metric, all with the variants at the same heights."""
     names = [variant["name"] for variant in facts["variants"]]
     metrics = facts["metrics"]
@@ -136,7 +141,7 @@ def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], ro
     factors = (VARIANT, *facts.get("factors", ()))
     for row in read_rows(folder / INDEX, Columns(factors, tuple(metrics))):
         values[row.cells[0]].append(row)
-    grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
+    grid = figure.subplots(*shape, squeeze=False, sharey=True)
     for i, axes in enumerate(grid.flat):
         if i >= len(metrics):
             axes.set_visible(False)
@@ -261,14 +266,20 @@ def _plane_extent(
     return low - margin, high + margin
 
 
-def _plane_height(trajectories: Sequence[tuple[int, str, RunData, FloatArray]]) -> float:
+def _plane_height(
+    trajectories: Sequence[tuple[int, str, RunData, FloatArray]], width: float
+) -> float:
     """The height (inches) in which the plane fills the width of the figure; at most the width."""
     if not trajectories:
         return 0.0
     low, high = _plane_extent(trajectories)
     wide, tall = map(float, high - low)
-    rows = math.ceil((len(trajectories) + 1) / LEGEND_COLUMNS)
-    return min(MAX_PLANE, (WIDTH - 0.8) * tall / wide) + 0.9 + 0.22 * rows
+    rows = math.ceil((len(trajectories) + 1) / _legend_columns(width))
+    return min(MAX_PLANE, (width - 0.8) * tall / wide) + 0.9 + 0.22 * rows
+
+
+def _legend_columns(width: float) -> int:
+    return LEGEND_COLUMNS if width > NARROW else 2
 
 
 def _plane(
@@ -297,5 +308,5 @@ def _plane(
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-    columns = min(len(handles), LEGEND_COLUMNS)
+    columns = min(len(handles), _legend_columns(float(figure.bbox.width / figure.dpi)))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)

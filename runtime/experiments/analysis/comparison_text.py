@@ -28,9 +28,7 @@ from runtime.experiments.analysis.words import (
 )
 from runtime.terminal import number, table, with_unit
 
-HEAD = (
-    *("", "seeds", "mean", "interval of mean", "difference", "interval of difference", "differs"),
-)
+HEAD = (*("", "n", "mean", "interval of mean", "difference", "interval of difference", "differs"),)
 
 
 def comparison_rows(

@@ -16,28 +16,41 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from runtime.files import own_folder, slug, system_errors
-from runtime.plots import headline, save_figure
+from runtime.plots import LOOKS, headline, save_figure
 
-WIDTH = 9.0  # inches
+WIDTH, NARROW = 9.0, 5.0  # inches: of a page on the screen; a column of paper is narrower
 MARK = "tab:red"  # what has no finite value, or fewer values than its neighbours
 
 
 def panels(
-    count: int, title: str, *, columns: int, height: float, least: int = 1
+    count: int,
+    title: str,
+    facts: str = "",
+    *,
+    columns: int,
+    height: float,
+    least: int = 1,
+    look: str = "screen",
 ) -> tuple[Figure, list[Axes]]:
     """A figure with a panel for each of ``count`` metrics or factors.
 
     Parameters
     ----------
-    columns : the most panels in a row, which have the width of a page together.
-    height : of a row (inches).
+    title, facts : above them, except on paper.
+    columns : the most panels in a row, which have the width of a page together; on a narrow one
+        there is one in a row.
+    height : of a row (inches), where a panel has its width on the screen.
     least : the figure is at least as wide as so many panels.
     """
+    page = LOOKS[look].width or WIDTH
+    if page < NARROW:
+        height *= min(1.0, page * columns / WIDTH)
+        columns = least = 1
     across = min(columns, count)
     rows = math.ceil(count / across)
-    width = WIDTH / columns * max(least, across)
+    width = page / columns * max(least, across)
     figure = Figure(figsize=(width, 0.5 + height * rows), layout="constrained")
-    headline(figure, title)
+    headline(figure, title, facts, look)
     axes = list(figure.subplots(rows, across, squeeze=False).flat)
     for unused in axes[count:]:
         unused.set_visible(False)

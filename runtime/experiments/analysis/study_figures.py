@@ -14,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -27,7 +26,7 @@ from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep
 from runtime.experiments.analysis.sweep_plots import MAP, curve, variant_style
 from runtime.experiments.design import FigureSpec, shown_probe
 from runtime.experiments.execution import INDEX, ExperimentPlan, Row, read_rows, read_series
-from runtime.plots import LOOKS, STYLE
+from runtime.plots import LOOKS, label_log, styled
 from runtime.terminal import with_unit
 
 HEIGHT = 0.72  # of a figure, as a share of its width
@@ -46,7 +45,7 @@ def study_figures(plan: ExperimentPlan, folder: Path) -> Iterator[tuple[str, Fig
     data = read_sweep(folder)
     rows = sorted(read_rows(folder / INDEX, plan.columns), key=lambda row: row.trial)
     for figure in plan.figures:
-        with matplotlib.rc_context({**STYLE, **LOOKS[figure.style].settings}):
+        with styled(figure.style):
             if figure.signal:
                 yield figure.name, _over_time(figure, plan, folder, rows)
             elif len(figure.over) == 1:
@@ -65,6 +64,7 @@ def _finish(figure: FigureSpec, page: Figure, axes: Axes, x: str, y: str) -> Fig
     axes.set(xlabel=figure.x or x, ylabel=figure.y or y)
     for side in figure.log:
         getattr(axes, f"set_{side}scale")("log")
+    label_log(axes.xaxis, axes.yaxis)
     handles, labels = axes.get_legend_handles_labels()
     if len(handles) > 1:
         widest = max(map(len, labels))

@@ -24,11 +24,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from blocks.core import FloatArray
-from runtime.experiments.analysis.figures import MARK, WIDTH, beyond, panels
+from runtime.experiments.analysis.figures import MARK, beyond, panels
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.analysis.words import NEVER, SAME, mean_of
 from runtime.experiments.design import Objective
-from runtime.plots import COLOURS, GREY, LINESTYLES, STYLE
+from runtime.plots import COLOURS, GREY, LINESTYLES, label_log, styled
 
 COLUMNS = 2
 MARKERS = "os^Dv<>P*X"
@@ -40,12 +40,13 @@ BEYOND = 1.05  # where lines end, on an axis from 0 to 1, that have no finite va
 PARTIAL = "n/N or red: only n of the N seeds have a value"
 
 
-def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
+def sweep_figures(folder: Path, look: str = "screen") -> Iterator[tuple[str, Figure]]:
     """The figures of a sweep with their names: one for all metrics, or one per metric.
 
     Parameters
     ----------
     folder : of a sweep, complete or not.
+    look : of the figures, a name in :data:`runtime.plots.LOOKS`.
     """
     data = read_sweep(folder)
     shown = [
@@ -57,19 +58,22 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
         return
     parts = data.by_variant
     axes = len(next(iter(parts.values())).axes)
-    with matplotlib.rc_context(STYLE):
+    with styled(look):
         if axes == 1:
-            yield "curves", _curves(data, parts, shown)
+            yield "curves", _curves(data, parts, shown, look)
         elif axes == 2:
-            yield "maps", _maps(data, parts, shown)
+            yield "maps", _maps(data, parts, shown, look)
         else:
             for metric in shown:
-                yield f"parallel_{metric}", _parallel(data, metric)
+                yield f"parallel_{metric}", _parallel(data, metric, look)
 
 
-def _curves(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str]) -> Figure:
+def _curves(
+    data: SweepData, parts: Mapping[str, SweepData], metrics: list[str], look: str
+) -> Figure:
     """An axes per metric, with a curve for each variant."""
-    figure, grid = panels(len(metrics), _title(data, metrics), columns=COLUMNS, height=3.0)
+    words = data.name, _facts(data, metrics)
+    figure, grid = panels(len(metrics), *words, columns=COLUMNS, height=3.0, look=look)
     for axes, metric in zip(grid, metrics, strict=True):
         axes.set_title(data.label(metric))
         for i, (name, part) in enumerate(parts.items()):
@@ -80,11 +84,12 @@ def _curves(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str])
     return figure
 
 
-def _maps(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str]) -> Figure:
+def _maps(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str], look: str) -> Figure:
     """An axes per metric and variant, all of a metric with the same colours."""
-    title = _title(data, metrics)
+    words = data.name, _facts(data, metrics)
     columns = COLUMNS if len(parts) == 1 else min(len(parts), 3)
-    figure, grid = panels(len(metrics) * len(parts), title, columns=columns, height=3.0)
+    count = len(metrics) * len(parts)
+    figure, grid = panels(count, *words, columns=columns, height=3.0, look=look)
     places = iter(grid)
     for metric in metrics:
         scale = Normalize(*_range(data.means(metric)[np.isfinite(data.means(metric))]))
@@ -102,7 +107,7 @@ def variant_style(i: int) -> dict[str, Any]:
     return {"color": COLOURS[i % len(COLOURS)], "marker": marker, "linestyle": LINESTYLES[turn]}
 
 
-def _title(data: SweepData, metrics: list[str]) -> str:
+def _facts(data: SweepData, metrics: list[str]) -> str:
     over = f"means over {data.seeds} seeds" if data.seeds > 1 else "one seed"
     if data.seeds > 1 and data.is_same(metrics):
         over = f"{SAME}, the seed changes nothing"
@@ -113,7 +118,7 @@ def _title(data: SweepData, metrics: list[str]) -> str:
         words = dict.fromkeys(data.never.get(name, NEVER) for name in infinite)
         over += f"; a red cross: {', '.join(words)}"
     left = f", {data.skipped} configurations not drawn" if data.skipped else ""
-    return f"{data.name}  ·  {len(data.axes[0].positions)} configurations, {over}{left}"
+    return f"{len(data.axes[0].positions)} configurations, {over}{left}"
 
 
 def curve(axes: Axes, data: SweepData, metric: str, look: dict[str, Any]) -> None:
@@ -161,6 +166,7 @@ def curve(axes: Axes, data: SweepData, metric: str, look: dict[str, Any]) -> Non
 def _label(axes: Axes, axis: Axis, side: str) -> None:
     """Label a factor's axis, and its ticks if they are names."""
     axes.set(**{f"{side}label": axis.path, f"{side}scale": "log" if axis.is_log else "linear"})
+    label_log(axes.xaxis, axes.yaxis)
     if axis.names and len(axis.names) <= MANY_TICKS:
         _name_ticks(axes, side, range(len(axis.names)), axis.names)
 
@@ -241,10 +247,10 @@ def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: No
     _label(axes, second, "y")
 
 
-def _parallel(data: SweepData, metric: str) -> Figure:
+def _parallel(data: SweepData, metric: str, look: str) -> Figure:
     """One vertical axis per factor and one for the metric; each line is a configuration."""
-    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
-    axes = figure.subplots()
+    facts = _facts(data, [metric])
+    figure, (axes,) = panels(1, data.name, facts, columns=1, height=3.7, look=look)
     means = data.means(metric)
     finite = np.isfinite(means)
     value = Axis(data.label(metric), np.where(finite, means, np.nan), (), False)
@@ -257,8 +263,8 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     # Beyond the upper end of the axis, which is the bad one of what may be infinite.
     worst = [np.column_stack([x, [*row[:-1], BEYOND]]) for row in heights[never]]
     if worst:
-        look: dict[str, Any] = {"linewidths": 0.6, "alpha": 0.7, "zorder": 1.5}
-        axes.add_collection(LineCollection(worst, colors=MARK, **look))
+        thin: dict[str, Any] = {"linewidths": 0.6, "alpha": 0.7, "zorder": 1.5}
+        axes.add_collection(LineCollection(worst, colors=MARK, **thin))
         axes.plot(x[-1], BEYOND, "x", color=MARK)
     order = _best_last(means, finite, data.objective if _is_goal(data, metric) else None)
     lines = [np.column_stack([x, heights[i]]) for i in order]
@@ -273,7 +279,6 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     figure.colorbar(
         ScalarMappable(scale, MAP), ax=axes, label=data.label(metric), pad=0.02, aspect=22
     )
-    axes.set_title(_title(data, [metric]), fontsize=10.0)
     return figure
 
 

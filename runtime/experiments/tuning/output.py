@@ -119,7 +119,7 @@ def summary(result: TuningResult) -> str:
         if not result.better:
             lines += ["", f"on the held-out runs, {NOTHING}"]
         elif worse:
-            lines += ["", f"on the held-out runs, not better than own: {', '.join(worse)}"]
+            lines += ["", f"on the held-out runs, not better than the baseline: {', '.join(worse)}"]
     return "\n".join(lines)
 
 
@@ -133,7 +133,7 @@ def _legend(lines: list[Judgement], tuning: TuningSettings) -> str:
     notes = [f"mean over the {units}; difference from the graph's own values on the same runs"]
     if any(not difference.is_same for difference in differences):
         notes[0] += f",\n{TESTS['auto']}, with 95 % intervals;\n* significant after {CORRECTION}"
-    notes[0] += ". optimism: training minus held-out."
+    notes[0] += ". overfit: training minus held-out."
     if any(evaluation.mean.is_same for evaluation in evaluations):
         notes.append(f"{SAME}: {SAME_RUNS}.")
     if any(evaluation.mean.never for evaluation in evaluations):
@@ -179,14 +179,14 @@ def edges(result: TuningResult) -> list[str]:
 
 def _rows(result: TuningResult) -> list[list[str]]:
     units = result.plan.units
-    header = ["metric", "values", "training", "difference", "held out", "difference", "optimism"]
+    header = ["metric", "values", "training", "difference", "held out", "difference", "overfit"]
     rows = [header]
     lines = judgements(result)
     for metric in result.plan.tuning.metrics:
         never = result.plan.never.get(metric, NEVER)
         for line in lines:
             if line.metric == metric:
-                name = "own" if line.number == BASELINE else str(line.number)
+                name = "baseline" if line.number == BASELINE else str(line.number)
                 rows.append(
                     [
                         with_unit(metric, units),

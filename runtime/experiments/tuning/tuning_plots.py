@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,7 +23,7 @@ from runtime.errors import UsageError
 from runtime.experiments.analysis import NEVER
 from runtime.experiments.analysis.figures import WIDTH, beyond, panels
 from runtime.experiments.tuning.plan import TUNING
-from runtime.plots import COLOURS, GREY, STYLE
+from runtime.plots import COLOURS, GREY, label_log, styled
 from runtime.terminal import with_unit
 
 COLUMNS = 3
@@ -81,21 +80,22 @@ def _read(folder: Path) -> _Data:
         raise UsageError(f"cannot read the tuning in '{folder}': {error}") from None
 
 
-def tuning_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
-    """The figures of a tuning with their names."""
+def tuning_figures(folder: Path, look: str = "screen") -> Iterator[tuple[str, Figure]]:
+    """The figures of a tuning with their names, in a look of :data:`runtime.plots.LOOKS`."""
     data = _read(folder)
     if not any(np.isfinite(data.values(metric)).any() for metric in data.metrics):
         return
-    with matplotlib.rc_context(STYLE):
-        yield "history", _history(data)
-        yield "importance", _importance(data)
+    with styled(look):
+        yield "history", _history(data, look)
+        yield "importance", _importance(data, look)
         if len(data.metrics) > 1:
-            yield "front", _front(data)
-        yield "slices", _slices(data)
+            yield "front", _front(data, look)
+        yield "slices", _slices(data, look)
 
 
-def _panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    return panels(count, title, columns=COLUMNS, height=2.6, least=2)
+def _panels(count: int, data: _Data, facts: str, look: str) -> tuple[Figure, list[Axes]]:
+    name = data.name
+    return panels(count, name, facts, columns=COLUMNS, height=2.6, least=2, look=look)
 
 
 def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str = "") -> None:
@@ -120,9 +120,9 @@ def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str =
                 axes.scatter(x[chosen], y[chosen], s=16, marker=mark, color=colour, label=label)
 
 
-def _history(data: _Data) -> Figure:
+def _history(data: _Data, look: str) -> Figure:
     """Each configuration in the order tried, and the best so far."""
-    figure, panels = _panels(len(data.metrics), f"{data.name}: history (training runs)")
+    figure, panels = _panels(len(data.metrics), data, "history of the training runs", look)
     numbers = np.array([one["number"] for one in data.candidates])
     own = data.stored["configurations"][0]
     for axes, metric in zip(panels, data.metrics, strict=True):
@@ -143,11 +143,11 @@ def _history(data: _Data) -> Figure:
             [own["number"], *numbers], best, where="post", color=COLOURS[1], label="best so far"
         )
         if metric in own.get("never", ()):
-            words = f"own values: {(data.stored.get('never') or {}).get(metric, NEVER)}"
+            words = f"baseline: {(data.stored.get('never') or {}).get(metric, NEVER)}"
             own_style = beyond(axes) | {"color": "black"}
             axes.plot([own["number"]], [1.0], "x", label=words, **own_style)
         if math.isfinite(baseline):
-            axes.axhline(baseline, color=GREY, linestyle=":", label="own values")
+            axes.axhline(baseline, color=GREY, linestyle=":", label="baseline")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("configuration")
         axes.set_ylabel(data.label(metric))
@@ -190,8 +190,8 @@ def importance(positions: FloatArray, values: FloatArray) -> float:
     return max(0.0, 1.0 - within / (n - len(groups)) / (total / (n - 1)))
 
 
-def _importance(data: _Data) -> Figure:
-    figure, panels = _panels(len(data.metrics), f"{data.name}: which factors matter")
+def _importance(data: _Data, look: str) -> Figure:
+    figure, panels = _panels(len(data.metrics), data, "which factors matter", look)
     for axes, metric in zip(panels, data.metrics, strict=True):
         shares = [importance(data.positions(f)[0], data.values(metric)) for f in data.factors]
         axes.barh(data.factors[::-1], shares[::-1], color=COLOURS[0], height=0.5)
@@ -201,10 +201,10 @@ def _importance(data: _Data) -> Figure:
     return figure
 
 
-def _front(data: _Data) -> Figure:
+def _front(data: _Data, look: str) -> Figure:
     """The first two objectives against each other, with the winners on training and held out."""
     first, second = data.metrics[:2]
-    figure, (axes,) = _panels(1, f"{data.name}: front")
+    figure, (axes,) = _panels(1, data, "front", look)
     _scatter(axes, data, data.values(first), data.values(second))
     for key, colour, label in (
         ("training", COLOURS[1], "front, training"),
@@ -218,23 +218,23 @@ def _front(data: _Data) -> Figure:
         if points:
             axes.plot(*zip(*points, strict=True), "D-", color=colour, label=label, markersize=5)
     own = (data.baseline(first), data.baseline(second))
-    axes.plot(*own, "*", color="black", markersize=10, label="own values")
+    axes.plot(*own, "*", color="black", markersize=10, label="baseline")
     axes.set_xlabel(data.label(first))
     axes.set_ylabel(data.label(second))
     _legend(figure, [axes])
     return figure
 
 
-def _slices(data: _Data) -> Figure:
+def _slices(data: _Data, look: str) -> Figure:
     """The first objective along each factor."""
     metric = data.metrics[0]
-    figure, panels = _panels(len(data.factors), f"{data.name}: each factor (training runs)")
+    figure, panels = _panels(len(data.factors), data, "each factor, training runs", look)
     for axes, factor in zip(panels, data.factors, strict=True):
         positions, names = data.positions(factor)
         _scatter(axes, data, positions, data.values(metric), metric)
         if str(data.stored["vary"][factor]).startswith("log("):
             axes.set_xscale("log")
-            axes.xaxis.set_minor_formatter("")
+            label_log(axes.xaxis)
         if names:
             axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
         axes.set_xlabel(factor)

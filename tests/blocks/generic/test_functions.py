@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import runtime
+from blocks import Function
 from tests.blocks.responses import problems, respond
 
 DRAW = np.random.default_rng(1)
@@ -28,6 +29,13 @@ def test_several_expressions_make_a_vector_or_a_record() -> None:
     np.testing.assert_array_equal(respond(entry, {"u": [A, B]}), expected)
     found = respond({**entry, "signal": "Twist"}, {"u": [A, B]}, of="out.omega")
     np.testing.assert_array_equal(found, A - B)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_list_is_a_vector_of_any_length(n: int) -> None:
+    listed = Function(expression=f"[2*i + 1 for i in range({n})]")
+    assert str(listed.resolved) == f"Vector({n})"
+    assert str(Function(expression="[3][0]").resolved) == "Scalar"
 
 
 def test_one_to_many_components_without_inputs() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex, to_rgba
+from matplotlib.text import Annotation
 from scipy import stats
 
 from runtime.experiments.analysis import sweep_data
@@ -68,7 +70,8 @@ def test_means_over_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: 
     factors = ("--vary", f"draw.level={levels}", "--vary", "params.gain=[1, 2]")
     assert here(*SWEEP, *factors).returncode == 0
     [(_, figure)] = sweep_figures(folder)
-    assert "n/N or red" in figure.get_suptitle()
+    facts = [each.get_text() for each in figure.artists if isinstance(each, Annotation)]
+    assert "n/N or red" in facts[0]
     panels = {axes.get_title("left"): axes for axes in figure.axes}
     written = [text.get_text() for text in panels["above_two [s]"].texts]
     assert [text for text in written if "\n" in text] == ["0\n1/3", "0\n2/3"] * 2
@@ -232,3 +235,16 @@ def test_a_figure_that_is_wrong(
     )
     done = here("sweep", "e.yaml")
     assert done.returncode == 2 and message in done.stderr, done.stderr
+
+
+def test_figures_of_experiments_fit_a_column_of_paper(here: Run, draw: Path, folder: Path) -> None:
+    factors = ("--vary", "draw.level=[0, 1]", "--style", "paper", "--figures", "pdf")
+    with_plots = (word for word in SWEEP if word != "--no-plots")
+    assert here(*with_plots, *factors).returncode == 0
+    (written,) = (folder / "plots").iterdir()
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ", written.read_bytes())
+    assert written.suffix == ".pdf" and box is not None
+    assert float(box[1]) == pytest.approx(3.5 * 72.0)
+    [(_, paper)] = sweep_figures(folder, "paper")
+    assert paper.get_suptitle() == ""  # it is left to the caption
+    assert len({axes.get_position().x0 for axes in paper.axes if axes.get_visible()}) == 1

@@ -80,7 +80,7 @@ class TestTheCommand:
         assert lines[0]["training"]["mean"] == pytest.approx(
             1.0 + np.mean(list(map(normal, range(6))))
         )
-        assert "optimism" in done.stdout and f"draw.level={level:g}" in done.stdout
+        assert "overfit" in done.stdout and f"draw.level={level:g}" in done.stdout
 
     def test_half_of_the_others_stop_a_configuration(
         self, here: Run, draw: Path, tmp_path: Path
@@ -355,7 +355,7 @@ def test_from_python(draw: Path, tmp_path: Path) -> None:
         one.values[0] for one in found.configurations[1:] if one.values
     )
     assert {line.metric for line in found.judgements} == {"drawn"}
-    assert "optimism" in str(found)
+    assert "overfit" in str(found)
     assert "constraints: drawn above -1000, drawn below 1000" in str(found)
     assert (tmp_path / "found" / "tuning.json").exists()
     with pytest.raises(UsageError, match="both in training and held out"):

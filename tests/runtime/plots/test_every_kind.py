@@ -24,7 +24,7 @@ from tests.runtime.plots.test_map import graph
 # A plot of each kind, and the names of its axes from top to bottom: x and y of each, with the units
 # that the ports declare; a signal without a unit has none.
 CASES: dict[str, tuple[dict[str, Any], list[tuple[str, str]]]] = {
-    "timeseries": ({"of": ["plant.pose"]}, [("", "x, y [m]"), ("time [s]", "θ [rad]")]),
+    "timeseries": ({"of": ["plant.pose"]}, [("", "plant.pose [m]"), ("time [s]", "θ [rad]")]),
     "trajectory": ({"of": ["plant.pose"]}, [("x [m]", "y [m]")]),
     "xy": ({"of": ["plant.pose.x", "plant.pose.theta"]}, [("x [m]", "theta [rad]")]),
     "xyz": ({"of": ["plant.pose"]}, [("x [m]", "y [m]")]),

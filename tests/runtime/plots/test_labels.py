@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import runtime
-from runtime.plots import display_names, draw, layers
+from runtime.plots import display_names, draw, layers, style
 from runtime.plots.formulas import is_formula
 from runtime.plots.style import coincident
 from runtime.runs import Result
@@ -27,7 +28,7 @@ probes:
   line: {of: track.path, label: path to follow}
   turn: {of: [total.out.omega, lqr.command.omega], label: [$\\omega$, correction]}
 plots:
-  way: {kind: trajectory, of: [pose, line], labels: null}
+  path: {kind: trajectory, of: [pose, line], labels: null}
   turn: {kind: timeseries, of: turn}
   both: {kind: timeseries, of: [error.position, error.lateral]}
   errors: {compare: replace=lqr=PathPID}
@@ -53,7 +54,7 @@ def test_labels_of_probes_are_shown_and_stored(file: Path, tmp_path: Path) -> No
     result = runtime.load(file).run()
     again = runtime.open(result.save(tmp_path / "run"))
     for found in (result, again):
-        assert named(found, "way")[:2] == ["robot", "path to follow"]
+        assert named(found, "path")[:2] == ["robot", "path to follow"]
         assert named(found, "turn") == ["$\\omega$", "correction"]
         assert named(found, "both") == ["$e_p$", "$e_y$"]
     assert list(result.to_dataframe("turn").columns) == ["total.out.omega", "lqr.command.omega"]
@@ -155,7 +156,7 @@ def test_a_line_that_covers_another_is_dashed(columns: Path) -> None:
     axes = runtime.load(columns).run().plot("both").axes[0]
     first, second = axes.get_lines()[:2]
     assert (first.is_dashed(), second.is_dashed()) == (False, True)
-    assert axes.get_ylabel() == "first, second"
+    assert axes.get_ylabel() == "value"  # the legend has their names
     waves = [np.sin(np.linspace(0, 9, 50) + shift) for shift in (0.0, 1.0, 0.0, 1.0, 0.0)]
     assert coincident([*waves, np.zeros(50), np.full(50, np.nan)]) == [0, 0, 1, 1, 2, 0, 0]
 
@@ -243,3 +244,22 @@ def test_twelve_lines_have_twelve_looks_and_room_for_their_names(look: str) -> N
     assert [text.get_text() for text in legend.get_texts()] == names
     box, page = legend.get_window_extent(), figure.bbox
     assert page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1
+
+
+def test_references_are_grey_dashes_and_take_no_colour(columns: Path) -> None:
+    text = columns.read_text(encoding="utf-8").replace("same", "ideal")
+    columns.write_text(text, encoding="utf-8")
+    model, ideal = runtime.load(columns).run().plot("both").axes[0].get_lines()[:2]
+    assert ideal.get_color() == style.REFERENCE["color"] and ideal.is_dashed()
+    assert model.get_color() == style.COLOURS[0] and not model.is_dashed()
+
+
+def test_minor_ticks_of_less_than_a_decade_are_few() -> None:
+    axes = Figure().subplots()
+    axes.set_xscale("log")
+    style.label_log(axes.xaxis)
+    axes.set_xlim(1.0, 9.0)
+    label = axes.xaxis.get_minor_formatter()
+    assert [label(x) for x in (1.5, 2.0, 3.0, 5.0, 7.0)] == ["", "2", "", "5", ""]
+    axes.set_xlim(1.0, 100.0)
+    assert label(2.0) == ""

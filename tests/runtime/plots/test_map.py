@@ -412,7 +412,7 @@ class TestAnimation:
         assert animated_plot(plots, run.world).kind == "scans"
         assert animated_plot(plots[:2], run.world).kind == "map"
         assert animated_plot(plots, None) is way
-        with pytest.raises(UsageError, match=r"add one, as in 'plots: \{way: \{kind: trajectory"):
+        with pytest.raises(UsageError, match=r"add one, as in 'plots: \{path: \{kind: trajectory"):
             animated_plot(run.plots, None)
 
     def test_refused_before_the_run(

@@ -194,7 +194,9 @@ def test_two_runs_share_a_figure(cli: Run, tmp_path: Path) -> None:
     assert found["metrics"]["mean_error"] != alone.metrics["mean_error"]
     assert len(list((tmp_path / "runs" / "adaptive_line").glob("2*"))) == 2
     plots = Path(found["run"], "plots")
-    assert {p.name for p in (tmp_path / plots).iterdir()} == {"way.png", "errors.png", "turn.png"}
+    assert {p.name for p in (tmp_path / plots).iterdir()} == {
+        *("path.png", "errors.png", "turn.png")
+    }
 
 
 def test_what_a_change_drops_is_told(cli: Run) -> None:
@@ -236,7 +238,7 @@ def test_lines_of_both_runs_are_their_recordings() -> None:
     [
         (
             ["--figures", "pdf,jpeg"],
-            "--figures pdf,jpeg: expected some of pdf, svg, png, got 'jpeg'",
+            "argument --figures: expected some of pdf, svg, png, got 'jpeg'",
         ),
         (
             ["--vs", "adaptive"],

@@ -27,6 +27,7 @@ from runtime.observation.reader import PlotSpec
 from runtime.observation.run_data import Recording
 from runtime.plots import style, titles
 from runtime.plots.figures import draw, save_plots
+from runtime.plots.thinning import block_means, thin
 from runtime.runs.result import Result
 
 KINDS = ("timeseries", "trajectory", "raster", "heatmap")
@@ -247,7 +248,7 @@ class TestTimeseries:
     def test_one_axes_per_unit(self, circle: Result) -> None:
         figure = draw(circle.plots[1], circle)
         above, below = figure.axes
-        assert [above.get_ylabel(), below.get_ylabel()] == ["x, y [m]", "θ [rad]"]
+        assert [above.get_ylabel(), below.get_ylabel()] == ["plant.pose [m]", "θ [rad]"]
         assert [above.get_xlabel(), below.get_xlabel()] == ["", "time [s]"]
         for axes, column, name in ((above, 0, "x"), (above, 1, "y"), (below, 2, "θ")):
             line = lines(axes)[name]
@@ -609,7 +610,7 @@ class TestNames:
 )
 def test_thinning_keeps_points_ends_and_extremes(y: Any, most: int) -> None:
     t = np.arange(len(y), dtype=np.float64)
-    thin_t, thin_y = style.thin(t, y, most)
+    thin_t, thin_y = thin(t, y, most)
     np.testing.assert_array_equal(thin_y, y[thin_t.astype(int)])
     assert (thin_t[0], thin_t[-1]) == (0.0, len(y) - 1)
     assert (thin_y.min(), thin_y.max()) == (y.min(), y.max())
@@ -621,7 +622,7 @@ def test_thinning_keeps_points_ends_and_extremes(y: Any, most: int) -> None:
 def test_block_means_are_means_of_equal_blocks(rows: int, size: int) -> None:
     values = np.random.default_rng(rows).normal(size=(rows, 3))
     expected = [values[i : i + size].mean(axis=0) for i in range(0, rows, size)]
-    np.testing.assert_allclose(style.block_means(values, size), expected)
+    np.testing.assert_allclose(block_means(values, size), expected)
 
 
 def test_a_wrapped_angle_has_gaps_and_a_plane_equal_scales() -> None:

@@ -295,7 +295,7 @@ def test_the_tables_of_a_tuning_agree_with_its_results(
     winners = rows(html, "winners")
     assert [int(row[0]) for row in winners] == stored["front"]
     for line, shown in zip(stored["table"], rows(html, "training and held-out runs"), strict=True):
-        assert shown[1] == (str(line["configuration"]) if line["configuration"] else "own")
+        assert shown[1] == (str(line["configuration"]) if line["configuration"] else "baseline")
         for column, runs in ((2, "training"), (6, "held_out")):
             assert _number(shown[column]) == pytest.approx(line[runs]["mean"], rel=1e-3)
             ends = [line[runs]["low"], line[runs]["high"]]

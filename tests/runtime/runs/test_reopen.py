@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 import runtime
+from runtime.document import RUN_KEYS
 from runtime.errors import UsageError
 from runtime.runs.draft import link_latest
 from runtime.runs.folder import run_folder
@@ -225,3 +226,13 @@ def test_a_damaged_file_is_named_with_what_to_do(tmp_path: Path, name: str, dama
     else:
         assert message.startswith((f"'{path}' is damaged: ", f"cannot read '{path}': "))
         assert message.endswith(f"runtime run {saved / 'graph.resolved.yaml'}")
+
+
+def test_the_resolved_graph_has_all_entries_of_the_run_section(tmp_path: Path) -> None:
+    run = {"dt": 0.01, "until": 0.2, "seed": 3, "engine": "python", "memory": 2 * 1024**2}
+    run |= {"keep": 0.1, "states": "all", "time_unit": "ms", "events": "ticks", "loops": "solve"}
+    run |= {"solver": "dopri5", "rtol": 1e-5, "atol": 1e-7, "max_step": 0.005}
+    run |= {"stop": {"when": "plant.pose.x", "above": 9.0}}
+    assert run.keys() == set(RUN_KEYS)
+    folder = runtime.load({**GRAPH, "run": run}).run().save(tmp_path / "a")
+    assert runtime.load(folder / "graph.resolved.yaml").to_dict()["run"] == run

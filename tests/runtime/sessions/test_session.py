@@ -106,6 +106,12 @@ def test_a_signal_is_what_the_next_tick_records(engine: str) -> None:
     assert np.array_equal(np.array(read), rows)
     assert session.read("snn.spikes").shape == (20,)
     assert session.read("x.integral") == session.read("x.out")
+    together = session.read(
+        "out.value", "snn.spikes", "sum.out", "snn.voltage.3", "snn.spikes[0:2]"
+    )
+    for value, address in zip(together, ("out.value", "snn.spikes", "sum.out"), strict=False):
+        assert np.array_equal(value, session.read(address))
+    assert together[3] == session.read("snn.voltage")[3] and together[4].shape == (2,)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -185,13 +191,38 @@ def test_what_is_kept_is_the_last_part(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_keeps_the_last_part_as_well(engine: str, tmp_path: Path) -> None:
+    graph = runtime.load({**SERVO, "run": {**SERVO["run"], "keep": "200 s", "time_unit": "s"}})
+    whole = graph.run(until=1.5, engine=engine)
+    assert len(whole["x"]) == 1500 and not any("run.keep" in note for note in whole.notes)
+    result = graph.set("run.keep", "0.2s").run(until=1.5, engine=engine)
+    assert "run.keep: recordings, metrics and plots are of the last 0.2 s" in result.notes
+    again = runtime.load(result.save(tmp_path / "a") / "graph.resolved.yaml").run()
+    for name in ("x", "spikes", "out"):
+        rows = len(result[name])
+        assert rows == (67 if name == "out" else 200)
+        assert np.array_equal(result[name], whole[name][-rows:])
+        assert np.array_equal(result.time(name), whole.time(name)[-rows:])
+    assert same(result, again) == []
+
+
+@pytest.mark.parametrize("wrong", [0, -1, True, "x", "5min", "1e999s", [1]])
+def test_what_is_wrong_with_what_is_kept(wrong: Any) -> None:
+    with pytest.raises(runtime.GraphError, match="run.keep: expected a time above 0, as in 60 or"):
+        runtime.load(SERVO).session(keep=wrong)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_failure_is_reported_again_until_the_session_goes_back(engine: str) -> None:
     session = servo(engine).step(10)
     before = session.snapshot()
     session.set("gain.gain", 1e200)
     with pytest.raises(runtime.SimulationError) as caught:
         session.step(100)
-    assert len(caught.value.result["x"]) == session.tick < 110
+    result = session.result()
+    assert len(caught.value.result["x"]) == len(result["x"]) == session.tick < 110
+    for each in (caught.value.result, result):
+        assert each.status == "failed" and each.manifest["error"] == str(caught.value)
     with pytest.raises(runtime.SimulationError):
         session.step()
     session.restore(before)
@@ -239,6 +270,9 @@ CALLS = {
     "wire": st.sampled_from([("gain.input", "x.out"), ("gain.input", "held.out")]),
     "without": st.sampled_from([("noise",), ("gain",)]),
     "replace": st.sampled_from([("gain", "Abs")]),
+    "bypass": st.just(("gain",)),
+    "overlay": st.just(({"blocks": {"gain": {"gain": 0.5}}, "run": {"until": 0.05}},)),
+    "read": st.sampled_from([("sum.out",), ("out.value",), ("inputs.push",)]),
     "snapshot": st.tuples(),
     "restore": st.tuples(),
     "branch": st.tuples(),
@@ -388,9 +422,22 @@ def test_what_was_found_by_an_attack(tmp_path: Path) -> None:
         lambda: session.restore(None),  # type: ignore[arg-type]
         lambda: session.restore(servo().snapshot()),
         lambda: session.replace("gain", 3),  # type: ignore[arg-type]
+        lambda: session.without(),
+        lambda: session.bypass(),
+        lambda: session.read(),
+        lambda: session.write("push", "1"),
+        lambda: session.write("push", None),
+        lambda: session.write("push", [1.0]),
+        lambda: session.write("push", float("nan")),
     ):
+        log = session.log
         with pytest.raises(runtime.UsageError):
             wrong()
+        assert session.log == log
+    with pytest.raises(runtime.UsageError, match="'push': expected a number for a Scalar, got"):
+        session.write("push", "1")
+    with pytest.raises(runtime.UsageError, match="without: expected the name of a block, as in"):
+        session.without()
     (tmp_path / "over.yaml").write_text("blocks: {gain: {gain: 7.0}}")
     session.step(np.int64(5))
     session.overlay(tmp_path / "over.yaml")
