@@ -205,20 +205,19 @@ def description(
     times = {"startTime": "0.0", "stopTime": repr(until), "stepSize": repr(network.dt)}
     SubElement(root, "DefaultExperiment", times)
     _variables(SubElement(root, "ModelVariables"), is_three, network.time_unit, found)
-    structure = SubElement(root, "ModelStructure")
-    results = [i for i, each in enumerate(found, 1) if each.causality == "output"]
-    lists = {
-        tag: structure if is_three else SubElement(structure, f"{tag}s")
-        for tag in ("Output", "InitialUnknown")
-        if results
-    }
-    for tag, place in lists.items():
-        for i in results:
-            # By value reference, and with FMI 2.0 by place, from 1 on.
-            key, number = ("valueReference", i) if is_three else ("index", i + 1)
-            SubElement(place, tag if is_three else "Unknown", {key: str(number)})
+    _structure(SubElement(root, "ModelStructure"), is_three, found)
     indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _structure(structure: Element, is_three: bool, found: Sequence[Variable]) -> None:
+    """The results: by value reference, and with FMI 2.0 by place, from 1 on."""
+    results = [i for i, each in enumerate(found, 1) if each.causality == "output"]
+    for tag in ("Output", "InitialUnknown") if results else ():
+        place = structure if is_three else SubElement(structure, f"{tag}s")
+        for i in results:
+            key, number = ("valueReference", i) if is_three else ("index", i + 1)
+            SubElement(place, tag if is_three else "Unknown", {key: str(number)})
 
 
 def _variables(place: Element, is_three: bool, time: str, found: Sequence[Variable]) -> None:

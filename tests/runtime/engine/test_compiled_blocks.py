@@ -45,8 +45,8 @@ Draw = Callable[[np.random.Generator], Any]
 ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = (0, 1, 2)
-# Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum"}
+# Called from Python under the compiled engine: they compute with other libraries.
+PYTHON_ONLY = {"FMU", "ModelExchangeFMU", "MujocoVacuum"}
 
 
 @dataclass(frozen=True)

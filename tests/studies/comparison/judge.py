@@ -32,6 +32,7 @@ from tests.studies.comparison import plan, rows
 
 LEVEL = 0.05
 SEEDS = 2
+FEWEST = 3  # tunings; of fewer, their scatter is unknown
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,8 @@ def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
     for name, runs in rows.held_out(task, metric).items():
         chosen = {place: e for place, e in runs.items() if plan.group_of(place[1]) == group}
         axes = [sorted({place[i] for place in chosen}) for i in range(3)]
+        if len(axes[0]) < FEWEST:
+            continue
         bad = [e is None or not e < limit for e in chosen.values()]
         capped = [
             math.log(limit if (e := chosen[t, k, s]) is None or not e < limit else e)
@@ -104,6 +107,15 @@ def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
             for s in axes[2]
         ]
         found[name] = Cells(np.array(capped).reshape([len(axis) for axis in axes]), sum(bad))
+    return found
+
+
+def raw(task: str, metric: str, group: str) -> dict[str, float]:
+    """The mean of a metric over the held-out runs of each contestant in a group that have one."""
+    found = {}
+    for name, runs in rows.held_out(task, metric).items():
+        known = [x for at, x in runs.items() if plan.group_of(at[1]) == group and x is not None]
+        found[name] = float(np.mean(known)) if known else math.nan
     return found
 
 
