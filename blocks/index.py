@@ -142,6 +142,8 @@ TYPES = {
     "Latency": "sensors.transport",
     "WheelOdometry": "sensors.odometry",
     "MujocoVacuum": "mujoco.vacuum",
+    "FMU": "fmu.cosimulation",
+    "ModelExchangeFMU": "fmu.model_exchange",
 }
 OTHERS = {
     "Block": "core",

@@ -27,7 +27,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sensors", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
-    ("blocks.wall_fitting", "blocks.mujoco"),
+    ("blocks.wall_fitting", "blocks.mujoco", "blocks.fmu"),
     ("blocks.registry",),
     ("blocks",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),

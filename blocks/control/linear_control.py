@@ -53,6 +53,9 @@ class LinearMPC(LinearQuadraticRegulator):
     Predictive Control, 2017). The first command is given, and at the next tick all are found again.
     N = ``steps`` ticks of the block, for which A and B are discretised. Away from all limits it is
     the LinearQuadraticRegulator, for any N. The program is solved exactly.
+
+    ``states_low`` and ``states_high`` limit states, softly, since no command may be able to keep
+    such limits: how far a state passes them within the horizon is added as ``penalty`` e^2.
     """
 
     steps: int = param(20, at_least=1, at_most=100, doc="N, how many ticks ahead it plans")
@@ -70,21 +73,42 @@ class LinearMPC(LinearQuadraticRegulator):
         tunable=True,
         doc="largest change of command per second",
     )
+    states_low: FloatArray | None = param(
+        None, shape=(None,), finite=False, doc="n smallest states, -.inf for one without limit"
+    )
+    states_high: FloatArray | None = param(
+        None, shape=(None,), finite=False, doc="n largest states"
+    )
+    penalty: float = param(1e4, above=0.0, doc="weight of a state beyond its limit, as in Q")
 
     last = State("m", doc="the command of the last tick; NaN before the first")
 
     def validate(self) -> None:
         super().validate()
-        m, problems = self.sizes()["m"], []
+        n, m, problems = self.sizes()["n"], self.sizes()["m"], []
         for name in ("low", "high", "rate"):
             value = self.value(name)
             if value.ndim and len(value) != m:
                 message = f"expected one number, or {m}, one per command, got {size_of(value)}"
                 problems.append((name, message))
-        if not problems and (self.low >= self.high).any():
-            problems.append(("high", "expected numbers above low"))
+        for name in ("states_low", "states_high"):
+            value = self.value(name)
+            if value is not None and len(value) != n:
+                message = f"expected {n} numbers, one per state, got {size_of(value)}"
+                problems.append((name, message))
+        if not problems:
+            if (self.low >= self.high).any():
+                problems.append(("high", "expected numbers above low"))
+            if (np.subtract(*self.states_limits(n)) >= 0.0).any():
+                problems.append(("states_high", "expected numbers above states_low"))
         if problems:
             raise ParameterError(problems)
+
+    def states_limits(self, n: int) -> tuple[FloatArray, FloatArray]:
+        """The smallest and the largest of the n states, infinite where there is no limit."""
+        low = np.full(n, -math.inf) if self.states_low is None else self.states_low
+        high = np.full(n, math.inf) if self.states_high is None else self.states_high
+        return low, high
 
     def is_sampled(self, context: BlockContext) -> bool:
         return True
@@ -94,13 +118,20 @@ class LinearMPC(LinearQuadraticRegulator):
         _, model = self.design(state.context)
         n, m = model.b.shape
         weights = square(self.q, n), square(self.r, m)
-        program = QuadraticProgram.of(model.a, model.b, *weights, self.steps)
+        low, high = self.states_limits(n)
+        state.limited = np.flatnonzero(np.isfinite(low) | np.isfinite(high))
+        program = QuadraticProgram.of(
+            model.a, model.b, *weights, self.steps, state.limited.tolist(), self.penalty
+        )
         state.free, state.root, state.of_x, state.of_z = program.arrays
-        state.bounds = np.zeros(len(state.of_x))
-        state.bounds.reshape(-1, self.steps, m)[:] = [
-            [np.broadcast_to(each, (m,))]
-            for each in (self.high - model.u0, model.u0 - self.low, *2 * [self.rate * state.dt])
+        commands = self.high - model.u0, model.u0 - self.low, *2 * [self.rate * state.dt]
+        states = [
+            np.full(self.steps, limit)
+            for i in state.limited
+            for limit in (high[i] - model.x0[i], model.x0[i] - low[i])
         ]
+        each = [np.tile(np.broadcast_to(limit, (m,)), self.steps) for limit in commands]
+        state.bounds = np.concatenate(each + states)
         state.last[:] = math.nan
 
     def output(
@@ -112,6 +143,11 @@ class LinearMPC(LinearQuadraticRegulator):
             last = math.inf if first else state.last[i] - state.u0[i]
             bounds[2 * count + i] += last
             bounds[3 * count + i] += math.inf if first else -last
+        for j in range(len(state.limited)):
+            for k in range(self.steps):  # states are counted from the reference
+                at = 4 * count + 2 * self.steps * j + k
+                bounds[at] -= reference[state.limited[j]]
+                bounds[at + self.steps] += reference[state.limited[j]]
         x = np.array(states) - state.x0 - reference
         plan = minimum(state.free, state.root, state.of_x, state.of_z, x, bounds)
         command = plan[:m] + state.u0

@@ -10,6 +10,7 @@ commands::
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,11 @@ class QuadraticProgram:
     u (m N,) holds the m commands of each of N steps; it is written free x + root z, where z = 0 is
     the minimum without bounds. ``free`` is -H^-1 F (m N, n), ``root`` a lower triangular matrix
     with root root' = H^-1, ``of_x`` is G free (4 m N, n) and ``of_z`` G root (4 m N, m N). The rows
-    of G bound all u from above, then from below, then their changes upwards and downwards.
+    of G bound all u from above, then from below, then their changes upwards and downwards, then of
+    each limited state x_1 to x_N from above and from below.
+
+    A state is limited softly: by x <= bound + e, with penalty e^2 / 2 added to what is minimised,
+    so that there is always a solution. Its e is one more column of z, the same for all N steps.
     """
 
     free: FloatArray
@@ -39,9 +44,16 @@ class QuadraticProgram:
 
     @classmethod
     def of(
-        cls, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, steps: int
+        cls,
+        a: FloatArray,
+        b: FloatArray,
+        q: FloatArray,
+        r: FloatArray,
+        steps: int,
+        limited: Sequence[int] = (),
+        penalty: float = 1.0,
     ) -> QuadraticProgram:
-        """Eliminate the states of x_k+1 = A x_k + B u_k.
+        """Eliminate the states of x_k+1 = A x_k + B u_k; ``limited`` are indices of states.
 
         The last state's weight solves the Riccati equation, so that without limits the first
         command is the LQR's, for any number of steps.
@@ -66,7 +78,28 @@ class QuadraticProgram:
         change = eye - np.eye(m * steps, k=-m)
         rows = np.vstack((eye, -eye, change, -change))
         free, root = -product(inverse, f), _cholesky(0.5 * (inverse + inverse.T))
-        return cls(free, root, product(rows, free), product(rows, root))
+        program = cls(free, root, product(rows, free), product(rows, root))
+        for i in limited:
+            program = program._with_state(
+                np.concatenate([each[i : i + 1] for each in powers[1:]]), forced[i::n], penalty
+            )
+        return program
+
+    def _with_state(
+        self, from_x: FloatArray, from_u: FloatArray, penalty: float
+    ) -> QuadraticProgram:
+        """With the rows of a state that is from_x x + from_u u in the N steps."""
+        n, m = len(from_x), len(self.free)
+        of_x = from_x + product(from_u, self.free)
+        of_z = np.zeros((n, self.root.shape[1]))
+        of_z[:, :m] = product(from_u, self.root[:, :m])
+        slack = np.concatenate((np.zeros(len(self.of_z)), np.full(2 * n, -1 / math.sqrt(penalty))))
+        return QuadraticProgram(
+            self.free,
+            np.column_stack((self.root, np.zeros(m))),
+            np.concatenate((self.of_x, of_x, -of_x)),
+            np.column_stack((np.concatenate((self.of_z, of_z, -of_z)), slack)),
+        )
 
     @property
     def arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -45,7 +45,7 @@ from __future__ import annotations
 # In the order of docs/blocks.md.
 ROOMS = (
     *("control", "neural", "world", "wall_fitting", "vehicle", "sources", "generic"),
-    *("dynamics", "nonlinear", "plants", "sensors", "mujoco"),
+    *("dynamics", "nonlinear", "plants", "sensors", "mujoco", "fmu"),
 )
 
 MADE = "<!-- Made from the declarations by `python -m runtime.cli.describe`; do not edit. -->"

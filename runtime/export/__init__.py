@@ -1,7 +1,8 @@
 """A part of a graph as C for a microcontroller, with a test that replays a recorded run.
 
-``selection`` is what is exported, ``units`` the blocks' C text, ``step`` and ``files`` what is
-written around it, ``recording`` the run to compare with, ``report`` what it all needs.
+``selection`` is what is exported, ``units`` the blocks' C text, ``tuning`` what follows from their
+parameters, ``unchanged`` what is constant; ``files`` and ``library`` write around it,
+``recording`` is the run to compare with, ``report`` what it all needs.
 """
 
 from pathlib import Path

@@ -153,17 +153,10 @@ def _outputs(layout: Layout, network: Network, recorded: Sequence[Signal]) -> It
 
 
 def _parameters(layout: Layout) -> Iterator[Variable]:
-    for (block, word), each in layout.parameters.items():
-        name = word.partition("_")[2]
-        declared = layout.selection.network.entries[block].cls.spec.params.get(name)
-        start = tuple(np.ravel(each.value).tolist())
-        own = word.startswith("self_") and declared is not None
-        unit = declared.unit if own and declared is not None else ""
-        doc = each.doc.partition(": ")[2]
-        yield Variable(
-            *(f"{block}.{name}", "parameter", each.name, 0, each.size, doc),
-            *("" if ", " in unit else unit, start),
-        )
+    for each in layout.parameters.values():
+        doc, start = each.doc.partition(": ")[2], tuple(np.ravel(each.value).tolist())
+        unit = "" if ", " in each.unit else each.unit
+        yield Variable(each.path, "parameter", each.name, 0, each.size, doc, unit, start)
 
 
 def description(
@@ -205,20 +198,19 @@ def description(
     times = {"startTime": "0.0", "stopTime": repr(until), "stepSize": repr(network.dt)}
     SubElement(root, "DefaultExperiment", times)
     _variables(SubElement(root, "ModelVariables"), is_three, network.time_unit, found)
-    structure = SubElement(root, "ModelStructure")
-    results = [i for i, each in enumerate(found, 1) if each.causality == "output"]
-    lists = {
-        tag: structure if is_three else SubElement(structure, f"{tag}s")
-        for tag in ("Output", "InitialUnknown")
-        if results
-    }
-    for tag, place in lists.items():
-        for i in results:
-            # By value reference, and with FMI 2.0 by place, from 1 on.
-            key, number = ("valueReference", i) if is_three else ("index", i + 1)
-            SubElement(place, tag if is_three else "Unknown", {key: str(number)})
+    _structure(SubElement(root, "ModelStructure"), is_three, found)
     indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _structure(structure: Element, is_three: bool, found: Sequence[Variable]) -> None:
+    """The results: by value reference, and with FMI 2.0 by place, from 1 on."""
+    results = [i for i, each in enumerate(found, 1) if each.causality == "output"]
+    for tag in ("Output", "InitialUnknown") if results else ():
+        place = structure if is_three else SubElement(structure, f"{tag}s")
+        for i in results:
+            key, number = ("valueReference", i) if is_three else ("index", i + 1)
+            SubElement(place, tag if is_three else "Unknown", {key: str(number)})
 
 
 def _variables(place: Element, is_three: bool, time: str, found: Sequence[Variable]) -> None:

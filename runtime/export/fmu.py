@@ -87,14 +87,11 @@ def export_fmu(
     observation = graph.program().observation
     recorded = [signal for probe in observation.probes.values() for signal in probe.signals]
     found = variables(layout, recorded, arrays=fmi == 3)
-    texts = {f"{name}.h": header(layout, [network.title], False)}
-    texts[f"{name}.c"] = source(layout, [network.title], False)
-    token = str(uuid.uuid5(uuid.NAMESPACE_OID, "".join([str(fmi), *texts.values()])))
-    texts[f"{name}_fmu.c"] = _interface(layout, found, fmi, "{" + token + "}", about(graph))
-    identity = {"name": network.title, "identifier": name, "token": "{" + token + "}"}
+    texts = _texts(layout, found, fmi, about(graph))
+    files = {f"sources/{file}": text.encode() for file, text in texts.items()}
+    identity = {"name": network.title, "identifier": name, "token": _token(fmi, layout)}
     xml = description(fmi, layout, identity | {"about": f"{about(graph)}."}, found)
-    files = {"modelDescription.xml": xml.encode()}
-    files |= {f"sources/{file}": text.encode() for file, text in texts.items()}
+    files["modelDescription.xml"] = xml.encode()
     if fmi == 3:
         files["sources/buildDescription.xml"] = BUILD.format(name=name).encode()
     page = "documentation/" + ("index.html" if fmi == 3 else "_main.html")
@@ -107,16 +104,28 @@ def export_fmu(
     with system_errors(f"write to '{folder}'"):
         target = own_folder(Path(folder))
         write_whole(own_file(target / f"{name}.fmu"), _archive(files))
-    missing = [s.address for s in recorded if not _is_there(layout, s.end.block, s.end.port)]
-    missing += [s.address for s in recorded if s.is_state]
+    there = selection.outputs
+    missing = [s.address for s in recorded if s.is_state or (s.end.block, s.end.port) not in there]
     notes += [f"not a variable: {each}, a constant or a state" for each in dict.fromkeys(missing)]
     report = _report(network.title, fmi, found, sum(map(len, files.values())), notes)
-    ends = any_of(found, "input"), any_of(found, "output")
-    return Exported(target, (f"{name}.fmu",), report, *map(tuple, ends))
+    inputs, outputs = tuple(any_of(found, "input")), tuple(any_of(found, "output"))
+    return Exported(target, (f"{name}.fmu",), report, inputs, outputs)
 
 
-def _is_there(layout: Layout, block: str, port: str) -> bool:
-    return (block, port) in layout.selection.outputs
+def _token(fmi: int, layout: Layout) -> str:
+    """What says that a description and a binary belong together: a hash of the C."""
+    texts = header(layout, [], False), source(layout, [], False)
+    return "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join([str(fmi), *texts]))) + "}"
+
+
+def _texts(layout: Layout, found: Sequence[Variable], fmi: int, says: str) -> dict[str, str]:
+    """The sources."""
+    name, title = layout.name, layout.selection.network.title
+    return {
+        f"{name}.h": header(layout, [title], False),
+        f"{name}.c": source(layout, [title], False),
+        f"{name}_fmu.c": _interface(layout, found, fmi, _token(fmi, layout), says),
+    }
 
 
 def _report(

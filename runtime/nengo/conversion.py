@@ -17,8 +17,8 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.nengo import nodes
-from runtime.nengo.decoding import Probed, between_neurons, decoder_entry
+from runtime.nengo import live, nodes
+from runtime.nengo.decoding import Probed, between_neurons, decoder_entry, sliced_spikes
 from runtime.nengo.flow import (
     Computed,
     Decoded,
@@ -28,28 +28,40 @@ from runtime.nengo.flow import (
     Population,
     Source,
     Terms,
-    is_direct,
     is_full,
+    selected,
 )
-from runtime.nengo.populations import ensemble_entry, rule_entry, synapse_entry
+from runtime.nengo.populations import (
+    ensemble_entry,
+    rule_entry,
+    rule_of,
+    signal_of_rule,
+    synapse_entry,
+)
+from runtime.nengo.probing import Recording, recording
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to convert: dt and until (s), a seed of the network, whether neurons are drawn anew."""
+    """How to convert: dt and until (s), a seed of the network, whether neurons are drawn anew.
+
+    live : whether the graph is run in this process alone, and calls Python functions as they are.
+    """
 
     dt: float = 0.001
     until: float = 1.0
     seed: int | None = None
     redraw: bool = False
+    live: bool = False
 
 
 @dataclass
 class Converted:
     """What a graph consists of.
 
-    late : for each probe how many ticks later its row is that of Nengo's probe.
-    spikes : for each ensemble's block the members, in order.
+    recordings : for each probe where it is recorded.
+    populations : for each ensemble's block the members, in order.
+    simulator : Nengo's, which was built for it.
     """
 
     blocks: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -59,8 +71,10 @@ class Converted:
     classes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     tables: dict[str, FloatArray] = field(default_factory=dict)
-    late: dict[str, tuple[Any, int]] = field(default_factory=dict)
+    recordings: dict[str, Recording] = field(default_factory=dict)
     populations: dict[str, Population] = field(default_factory=dict)
+    calls: list[int] = field(default_factory=list)
+    simulator: Any = None
 
 
 def convert(network: Any, names: dict[Any, str], options: Options) -> Converted:
@@ -74,18 +88,21 @@ def convert(network: Any, names: dict[Any, str], options: Options) -> Converted:
         network, dt=options.dt, seed=options.seed, progress_bar=False, optimize=False
     )
     try:
-        return _Conversion(network, names, options, simulator).whole()
+        return Conversion(network, names, options, simulator).whole()
     finally:
         simulator.close()
 
 
-class _Conversion:
+class Conversion:
+    """The conversion of one network: a method for each kind of object adds its blocks."""
+
     def __init__(self, network: Any, names: dict[Any, str], options: Options, simulator: Any):
         self.network, self.names, self.options = network, names, options
-        self.simulator, self.result = simulator, Converted()
+        self.simulator, self.result = simulator, Converted(simulator=simulator)
         self.flow = Flow(network, simulator)
         self.addresses: dict[Any, str] = {}
         self.unrecorded: list[Any] = []
+        self.learners: dict[Any, str] = {}
 
     def whole(self) -> Converted:
         for population in self.flow.populations:
@@ -95,8 +112,11 @@ class _Conversion:
         for probe in self.network.all_probes:
             self.probe(probe)
         for node in self.network.all_nodes:
-            if node.size_in and node.output is not None and node not in self.addresses:
-                self.base(self.flow.sources.setdefault(node, NodeOutput(node, node.size_out)))
+            runs = node.output is not None and not isinstance(node.output, np.ndarray)
+            if runs and (node.size_in or self.options.live):
+                self.base(self.flow.node_output(node))
+        if not self.result.blocks:
+            self.zeros("nothing", 1)
         self.tables()
         return self.result
 
@@ -131,10 +151,10 @@ class _Conversion:
         if currents:
             self.wire(population.name, "current", currents)
         for each in self.network.all_connections:
-            rule = each.learning_rule_type
+            rule = rule_of(each)
             if isinstance(rule, nengo.Voja) and each.post_obj is population.first:
                 entry["learning"] = rule_entry(rule)
-                factor = self.flow.into(each.learning_rule)
+                factor = self.flow.into(signal_of_rule(each))
                 if factor:
                     # Nengo's signal is added to 1: -1 stops learning.
                     name = self.add(f"{population.name}_learn", {"type": "Function"})
@@ -147,6 +167,21 @@ class _Conversion:
         self.result.wires.setdefault(consumer, {})[port] = (
             sources if len(sources) > 1 else sources[0]
         )
+
+    def zeros(self, name: str, size: int) -> str:
+        """A signal of zeros, of what nothing is connected to."""
+        name = self.add(f"{name}_zero", {"type": "Constant", "value": np.zeros(size)})
+        return f"{name}.value"
+
+    def total(self, name: str, terms: Terms, size: int) -> str:
+        """The address of a sum."""
+        if not terms:
+            return self.zeros(name, size)
+        if len(terms) == 1:
+            return self.term(*terms[0], name)
+        name = self.add(f"{name}_sum", {"type": "Sum"})
+        self.wire(name, "terms", terms)
+        return f"{name}.out"
 
     # Sources
 
@@ -171,7 +206,7 @@ class _Conversion:
             self.result.blocks[name]["value"] = value
             return f"{name}.value"
         address = self.base(source, consumer)
-        chosen = _selected(matrix)
+        chosen = selected(matrix)
         if chosen and source.size > 1:
             return f"{address}[{chosen}]"
         gain: Any = float(matrix[0, 0]) if is_number else matrix
@@ -195,58 +230,92 @@ class _Conversion:
         return self.addresses[source]
 
     def lowpass(self, source: Filtered, consumer: str) -> str:
-        tau = synapse_entry(source.synapse)
-        if not isinstance(tau, float):
-            raise UsageError(f"{source.synapse!r} after a node is not read; expected a Lowpass")
-        inner = self.base(source.source, consumer)
-        name = self.add(f"{inner.split('.')[0]}_filtered", {"type": "Lowpass", "tau": tau})
+        """A synapse after a node, whose output has the inputs of the steps before."""
+        inner, synapse = self.base(source.source, consumer), synapse_entry(source.synapse)
+        name = f"{inner.split('.')[0]}_filtered"
+        if isinstance(synapse, float):
+            name = self.add(name, {"type": "Lowpass", "tau": synapse})
+            self.result.wires[name] = {"input": inner}
+            return f"{name}.out"
+        name = self.add(f"{name}_delay", {"type": "UnitDelay"})
+        self.result.wires[name] = {"input": inner}
+        inner = f"{name}.out"
+        if synapse == "none":
+            return inner
+        name = self.add(name.removesuffix("_delay"), {"type": "SynapticFilter", "synapse": synapse})
         self.result.wires[name] = {"input": inner}
         return f"{name}.out"
 
     def decoder(self, source: Decoded, consumer: str, matrix: FloatArray | None = None) -> str:
         """A Decoder, or Weights between neurons, with the matrix in its weights."""
         weights, population = self.weights(source, matrix), source.population
-        synapse, rule = synapse_entry(source.synapse), source.connection.learning_rule_type
+        connection = source.connection
+        synapse, rule = synapse_entry(source.synapse), rule_of(connection)
+        supervised = isinstance(rule, (nengo.PES, nengo.RLS))
         key = (population, str(synapse), weights.shape, weights.tobytes())
         if key in self.addresses and rule is None:
             return self.addresses[key]
         name = f"{population.name}_{consumer}".rstrip("_")
-        if is_full(source.connection) and rule is not None:
+        spikes = f"{population.name}.spikes"
+        if is_full(connection) and rule is not None and not supervised:
             # Nengo's rule changes weights that hold the gains, ours those before the gains.
-            message = "a rule on weights of a solver is not read; connect the neurons"
-            raise UsageError(f"{source.connection}: {message}")
-        if between_neurons(source.connection) and matrix is None:
+            message = "such a rule on weights of a solver is not read; connect the neurons"
+            raise UsageError(f"{connection}: {message}")
+        if between_neurons(connection) and matrix is None and not supervised:
             entry = {"type": "Weights", "weights": weights, "synapse": synapse}
             name = self.add(name, entry)
-            self.result.wires[name] = {"spikes": f"{population.name}.spikes"}
+            self.result.wires[name] = {"spikes": spikes}
             if rule is not None:
                 entry["learning"] = rule_entry(rule)
-                post = self.flow.of[source.connection.post_obj.ensemble][0]
+                post = self.flow.of[connection.post_obj.ensemble][0]
                 self.result.wires[name]["post"] = f"{post.name}.spikes"
+                self.learners[connection] = name
             address = f"{name}.current"
         else:
+            if supervised and isinstance(connection.pre_obj, nengo.ensemble.Neurons):
+                spikes, weights = sliced_spikes(connection, spikes, weights)
             entry, comment = decoder_entry(
-                source, weights, matrix, self.simulator, self.options.redraw
+                source, weights, matrix, self.simulator, self.options.redraw, self.options.live
             )
             name = self.add(name, {**entry, "synapse": synapse}, comment)
             address = self.addresses[key] = f"{name}.value"
-            self.result.wires[name] = {"spikes": f"{population.name}.spikes"}
-            if rule is not None and not isinstance(rule, nengo.Voja):
+            self.result.wires[name] = {"spikes": spikes}
+            if rule is not None and supervised:
                 self.addresses[source] = address  # an error may come from the learnt value
+                self.learners[connection] = name
                 self.learning(name, source, rule)
-        if source.synapse is None and not isinstance(source.connection, Probed):
+        if source.synapse is None and not isinstance(connection, Probed):
             note = "its value is a tick later than Nengo's: give the connection a synapse"
             self.result.notes.append(f"{name} has no synapse; {note}")
         return address
 
+    def learner(self, connection: Any) -> str:
+        """The block whose weights a connection's rule changes."""
+        if connection not in self.learners:
+            for source, _ in self.flow.through(connection):
+                self.base(source)
+        if connection not in self.learners:
+            raise UsageError(f"{connection}: nothing of its rule is read")
+        return self.learners[connection]
+
     def learning(self, name: str, source: Decoded, rule: Any) -> None:
-        if isinstance(rule, (list, tuple, dict)):
-            raise UsageError(f"{source.connection}: {rule!r} is not read here")
+        connection, rows = source.connection, source.rows
         self.result.blocks[name]["learning"] = rule_entry(rule)
-        terms = self.flow.into(source.connection.learning_rule)
-        if not terms:
-            raise UsageError(f"{source.connection}: nothing is connected to its {rule!r}")
-        self.wire(name, "error", terms)
+        receiver = signal_of_rule(connection)
+        terms = self.flow.into(receiver)
+        if receiver.size_in != rows:
+            # Of the represented vector: each neuron's error is that along its encoder.
+            post = connection.post_obj
+            built = self.simulator.data[getattr(post, "ensemble", post)]
+            if is_full(connection):
+                encoders = (built.encoders / post.radius)[:, connection.post_slice]
+            else:
+                encoders = built.scaled_encoders[connection.post_slice]
+            terms = [(s, encoders @ m) for s, m in terms]
+        if terms:
+            self.wire(name, "error", terms)
+        else:
+            self.result.wires[name]["error"] = self.zeros(f"{name}_error", rows)
 
     def weights(self, source: Decoded, matrix: FloatArray | None) -> FloatArray:
         n = source.population.first.n_neurons
@@ -264,6 +333,13 @@ class _Conversion:
         if isinstance(node.output, np.ndarray):
             name = self.add(name, {"type": "Constant", "value": np.atleast_1d(node.output)})
             return f"{name}.value"
+        if options.live:
+            call = live.checked(node.output, node.size_out) if callable(node.output) else None
+            if nodes.is_process(node):
+                seed = self.simulator.seed
+                call = live.stepped(node.output, node.size_in, node.size_out, options.dt, seed)
+            name = self.called(name, call, node.size_in, node.size_out, True)
+            return self.fed(node, name)
         if nodes.is_process(node):
             return self.table(node, name, "a process")
         text = (
@@ -272,51 +348,59 @@ class _Conversion:
             else nodes.of_time(node, options.dt, options.until)
         )
         if text is not None:
-            name = self.add(name, {"type": "Function", "expression": text})
-        else:
-            own = nodes.own_block(name, node.output, node.size_in, node.size_out, True)
-            if own is None and not node.size_in:
-                return self.table(node, name, "a function that is not plain")
-            if own is None:
-                own = nodes.stub(name, node.size_in, node.size_out)
-                self.result.notes.append(
-                    f"{name}: its function is not plain (it uses objects from around it): "
-                    f"write class {nodes.class_name(name)} by hand"
-                )
-            self.result.classes.append(own)
-            name = self.add(name, {"type": nodes.class_name(name), "module": ""})
-        self.addresses[self.flow.sources.setdefault(node, NodeOutput(node, node.size_out))] = (
-            f"{name}.out"
-        )
+            return self.fed(node, self.add(name, {"type": "Function", "expression": text}))
+        own = nodes.own_block(name, node.output, node.size_in, node.size_out, True)
+        if own is None and not node.size_in:
+            return self.table(node, name, "a function that is not plain")
+        return self.fed(node, self.own(name, own, node.size_in, node.size_out))
+
+    def fed(self, node: Any, name: str) -> str:
+        """The address of a node's block, which is wired to what reaches the node."""
+        self.addresses[self.flow.node_output(node)] = f"{name}.out"
         if node.size_in:
-            terms = self.flow.into(node)
-            if terms:
-                self.wire_components(name, terms, node.size_in)
+            self.wire_components(name, self.flow.into(node), node.size_in)
         return f"{name}.out"
+
+    def own(self, name: str, text: str | None, size_in: int, size: int) -> str:
+        """A block of the graph's own file, or a stub in it."""
+        name = self.add(name, {"module": ""})
+        if text is None:
+            text = nodes.stub(name, size_in, size)
+            self.result.notes.append(
+                f"{name}: its function is not plain (it uses objects from around it): "
+                f"write class {nodes.class_name(name)} by hand"
+            )
+        self.result.blocks[name] = {"type": nodes.class_name(name), "module": ""}
+        self.result.classes.append(text)
+        return name
+
+    def called(self, name: str, call: Any, size_in: int, size: int, takes_time: bool) -> str:
+        """A block that calls a Python function of this process."""
+        name = self.add(name, {})
+        number = live.registered(call)
+        self.result.calls.append(number)
+        text = nodes.calling(f"call_{number}", number, size_in, max(size, 1), takes_time)
+        self.result.blocks[name] = {"type": nodes.class_name(f"call_{number}"), "module": ""}
+        self.result.classes.append(text)
+        return name
 
     def wire_components(self, name: str, terms: Terms, size: int) -> None:
         """Wire the sum of terms to ``u``, to which wires do not add up."""
-        if len(terms) > 1:
-            total = self.add(f"{name}_input", {"type": "Sum"})
-            self.wire(total, "terms", terms)
-            self.result.wires.setdefault(name, {})["u"] = f"{total}.out"
-        else:
-            self.wire(name, "u", terms)
+        self.result.wires.setdefault(name, {})["u"] = self.total(f"{name}_input", terms, size)
 
     def computed(self, source: Computed, consumer: str) -> str:
-        text = nodes.of_values(source.function, source.length, "u")
-        name = f"function_{consumer}".rstrip("_")
-        if text is not None:
-            name = self.add(name, {"type": "Function", "expression": text})
+        name, size_in, size = f"function_{consumer}".rstrip("_"), source.length, source.size
+        if self.options.live:
+            function = live.checked(source.function, size)
+            name = self.called(name, function, size_in, size, False)
         else:
-            name = self.add(name, {"type": nodes.class_name(name), "module": ""})
-            own = nodes.own_block(name, source.function, source.length, source.size, False)
-            if own is None:
-                own = nodes.stub(name, source.length, source.size)
-                self.result.notes.append(f"{name}: write class {nodes.class_name(name)} by hand")
-            self.result.blocks[name]["type"] = nodes.class_name(name)
-            self.result.classes.append(own)
-        self.wire_components(name, source.terms, source.length)
+            text = nodes.of_values(source.function, size_in, "u")
+            if text is not None:
+                name = self.add(name, {"type": "Function", "expression": text})
+            else:
+                own = nodes.own_block(name, source.function, size_in, size, False)
+                name = self.own(name, own, size_in, size)
+        self.wire_components(name, source.terms, size_in)
         return f"{name}.out"
 
     def table(self, node: Any, name: str, why: str) -> str:
@@ -342,75 +426,13 @@ class _Conversion:
     # Probes
 
     def probe(self, probe: Any) -> None:
-        name, entry, late = self.names[probe], {}, 0
-        target = probe.obj
+        name = self.names[probe]
+        found = recording(self, probe, name)
+        self.result.recordings[name] = found
+        entry: dict[str, Any] = {} if found.synapse is None else {"synapse": found.synapse}
         every = round(probe.sample_every / self.options.dt) if probe.sample_every else 1
-        if isinstance(target, nengo.ensemble.Neurons):
-            attribute = "fired" if probe.attr in ("output", "spikes") else probe.attr
-            population, index = self.flow.of[target.ensemble]
-            n = target.ensemble.n_neurons
-            address = f"{population.name}.{attribute}"
-            address = _part(address, index * n, n, n * population.groups, probe)
-            late = 0 if attribute == "fired" else 1  # a state is recorded before its step
-            if probe.synapse is not None:
-                entry["synapse"] = synapse_entry(probe.synapse)
-        elif isinstance(target, nengo.Connection):
-            source = self.flow.through(target)[0][0]
-            address = f"{self.base(source).split('.')[0]}.weights"
-            late = 1
-        elif isinstance(target, nengo.Ensemble) and not is_direct(target):
-            address = self.decoded_probe(target, probe, name)
-        elif isinstance(target, (nengo.Node, nengo.Ensemble)):
-            terms = self.flow.into(target)
-            if isinstance(target, nengo.Node) and target.output is not None:
-                node = NodeOutput(target, target.size_out)
-                terms = [(self.flow.sources.setdefault(target, node), np.eye(target.size_out))]
-            terms = [(self.flow.filtered(s, probe.synapse), m) for s, m in terms]
-            total = self.add(f"{name}_sum", {"type": "Sum"}) if len(terms) > 1 else ""
-            address = f"{total}.out" if total else self.term(*terms[0], name)
-            address = _part(address, 0, target.size_out, target.size_out, probe)
-            if total:
-                self.wire(total, "terms", terms)
-        else:
-            self.result.notes.append(f"the probe {name} of {target} is left out")
-            return
-        if every > 1:
+        if every > 1 and not self.options.live:
             entry["every"] = every
+        # A simulator chooses components, and rows, of what is recorded in each step.
+        address = found.address if self.options.live or not found.whole else found.part()
         self.result.probes[name] = {"of": address, **entry} if entry else address
-        self.result.late[name] = (probe, late)
-
-    def decoded_probe(self, ensemble: Any, probe: Any, name: str) -> str:
-        population, index = self.flow.of[ensemble]
-        points, rates = nengo.utils.ensemble.tuning_curves(
-            ensemble, self.simulator, inputs=self.simulator.data[ensemble].eval_points
-        )
-        decoders: FloatArray = np.array(nengo.solvers.LstsqL2()(rates, points)[0].T)
-        weights: list[FloatArray | None] = [None] * population.groups
-        weights[index] = decoders
-        connection = Probed(ensemble, probe.synapse)
-        d = ensemble.dimensions
-        source = Decoded(population, probe.synapse, connection, weights, d)
-        return _part(self.decoder(source, name), index * d, d, d * population.groups, probe)
-
-
-def _part(address: str, first: int, size: int, whole: int, probe: Any) -> str:
-    """The components of an address, ``size`` from ``first`` on, that a probe records."""
-    chosen = first + np.arange(size)[slice(None) if probe.slice is None else probe.slice]
-    if len(chosen) == whole:
-        return address
-    if not np.array_equal(chosen, chosen[0] + np.arange(len(chosen))):
-        raise UsageError(f"{probe}: only ranges of components are probed")
-    end = f":{chosen[-1] + 1}" if len(chosen) > 1 else ""
-    return f"{address}[{chosen[0]}{end}]"
-
-
-def _selected(matrix: FloatArray) -> str:
-    """The index, or the range, of the components that a matrix selects; '' if it does not."""
-    rows, columns = matrix.nonzero()
-    if len(rows) != len(matrix) or not np.array_equal(rows, np.arange(len(matrix))):
-        return ""
-    if not np.array_equal(columns, columns[0] + np.arange(len(columns))):
-        return ""
-    if not (matrix[rows, columns] == 1.0).all():
-        return ""
-    return f"{columns[0]}" if len(columns) == 1 else f"{columns[0]}:{columns[-1] + 1}"

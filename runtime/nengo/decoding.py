@@ -28,13 +28,14 @@ def decoder_entry(
     matrix: FloatArray | None,
     simulator: Any,
     redraw: bool,
+    live: bool = False,
 ) -> tuple[dict[str, Any], str]:
     """The entry of a Decoder, and what it decodes as a comment."""
     connection = source.connection
     given: dict[str, Any] = {"type": "Decoder", "weights": weights}
     if source.population.groups > 1:
         given["groups"] = source.population.groups
-    if isinstance(connection.pre_obj, nengo.ensemble.Neurons) or is_full(connection):
+    if live or isinstance(connection.pre_obj, nengo.ensemble.Neurons) or is_full(connection):
         return given, ""
     text = function_text(connection)
     if not redraw:
@@ -134,3 +135,13 @@ def _renumbered(text: Text, chosen: list[int]) -> Text | None:
     if re.search(r"(?<![\w.])x(?!\[\d+\]|\w)", text):
         return None
     return re.sub(r"(?<![\w.])x\[(\d+)\]", lambda m: f"x[{chosen[int(m[1])]}]", text)
+
+
+def sliced_spikes(connection: Any, spikes: str, weights: FloatArray) -> tuple[str, FloatArray]:
+    """The spikes of the neurons that a connection comes from, and the weights of these."""
+    chosen = np.arange(weights.shape[1])[connection.pre_slice]
+    if len(chosen) == weights.shape[1]:
+        return spikes, weights
+    if not np.array_equal(chosen, chosen[0] + np.arange(len(chosen))):
+        raise UsageError(f"{connection}: only ranges of neurons learn")
+    return f"{spikes}[{chosen[0]}:{chosen[-1] + 1}]", weights[:, chosen]

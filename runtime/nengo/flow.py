@@ -162,8 +162,7 @@ class Flow:
             return self._decoded(connection, ensemble, is_neurons)
         matrix = self.matrix(connection, connection.size_mid)
         if isinstance(before, nengo.Node) and before.output is not None:
-            source = self.sources.setdefault(before, NodeOutput(before, before.size_out))
-            terms: Terms = [(source, np.eye(before.size_out))]
+            terms: Terms = [(self.node_output(before), np.eye(before.size_out))]
         else:
             terms = self.into(before)
         chosen = np.eye(before.size_out)[np.arange(before.size_out)[connection.pre_slice]]
@@ -174,6 +173,10 @@ class Flow:
             terms = [(source, np.eye(connection.size_mid))]
         terms = [(source, matrix @ m) for source, m in terms]
         return [(self.filtered(source, connection.synapse), m) for source, m in terms]
+
+    def node_output(self, node: Any) -> Source:
+        """The source that a node with an output is."""
+        return self.sources.setdefault(node, NodeOutput(node, node.size_out))
 
     def matrix(self, connection: Any, columns: int) -> FloatArray:
         """The transform of a connection as a matrix."""
@@ -248,6 +251,18 @@ def summed(terms: Iterable[tuple[Source, FloatArray]]) -> Terms:
     for source, matrix in terms:
         total[source] = total[source] + matrix if source in total else matrix
     return [(source, matrix) for source, matrix in total.items() if matrix.any()]
+
+
+def selected(matrix: FloatArray) -> str:
+    """The index, or the range, of the components that a matrix selects; '' if it does not."""
+    rows, columns = matrix.nonzero()
+    if len(rows) != len(matrix) or not np.array_equal(rows, np.arange(len(matrix))):
+        return ""
+    if not np.array_equal(columns, columns[0] + np.arange(len(columns))):
+        return ""
+    if not (matrix[rows, columns] == 1.0).all():
+        return ""
+    return f"{columns[0]}" if len(columns) == 1 else f"{columns[0]}:{columns[-1] + 1}"
 
 
 def is_full(connection: Any) -> bool:

@@ -37,7 +37,7 @@ class Imported:
     @property
     def late(self) -> dict[str, tuple[Any, int]]:
         """For each probe's name Nengo's probe, and how many rows later ours are."""
-        return self.converted.late
+        return {n: (each.probe, each.late) for n, each in self.converted.recordings.items()}
 
     @property
     def notes(self) -> list[str]:
@@ -72,7 +72,7 @@ def run_both(
     """Spikes and probes of the graph and of Nengo, rows of the same times side by side."""
     dt, steps = imported.options.dt, round(until / imported.options.dt)
     graph = load(imported.files[0]).set("run.until", (steps + 2) * dt)
-    populations, late = imported.converted.populations, imported.converted.late
+    populations, late = imported.converted.populations, imported.late
     for name in populations:
         graph = graph.probe(f"{name}_spikes_", f"{name}.fired")
     result = graph.run(engine=engine)

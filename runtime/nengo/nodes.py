@@ -120,23 +120,28 @@ def own_block(name: str, function: Any, size_in: int, size: int, takes_time: boo
     source = _source(function, f"_{name}")
     if source is None:
         return None
-    arguments = [*(["at(t)"] if takes_time else []), *(["np.atleast_1d(u)"] if size_in else [])]
-    return CLASS.format(
-        source=source,
-        name=class_name(name),
-        label=name,
-        input=f"\n    u = Input({_type(size_in)})" if size_in else "",
-        output=_type(size),
-        argument=", u" if size_in else "",
-        call=f"_{name}({', '.join(arguments)})",
-        result="float(value.reshape(-1)[0])" if size == 1 else "value.reshape(-1)",
-    )
+    return _class(name, source, f"_{name}", size_in, size, takes_time)
 
 
 def stub(name: str, size_in: int, size: int) -> str:
     """A class that says what is to be written."""
     source = f"def _{name}(*arguments):\n"
     source += f'    raise NotImplementedError("write what the node {name} of the model computes")'
+    return _class(name, source, f"_{name}", size_in, size, True)
+
+
+def calling(name: str, number: int, size_in: int, size: int, takes_time: bool) -> str:
+    """A class that calls a Python function of this process, by its number."""
+    source = "from runtime.nengo.live import CALLS"
+    return _class(name, source, f"CALLS[{number}]", size_in, size, takes_time)
+
+
+def _class(name: str, source: str, function: str, size_in: int, size: int, takes_time: bool) -> str:
+    # A copy, since a function may change what it is given, or keep it.
+    arguments = [
+        *(["at(t)"] if takes_time else []),
+        *(["np.atleast_1d(u).copy()"] if size_in else []),
+    ]
     return CLASS.format(
         source=source,
         name=class_name(name),
@@ -144,7 +149,7 @@ def stub(name: str, size_in: int, size: int) -> str:
         input=f"\n    u = Input({_type(size_in)})" if size_in else "",
         output=_type(size),
         argument=", u" if size_in else "",
-        call=f"_{name}(at(t){', np.atleast_1d(u)' if size_in else ''})",
+        call=f"{function}({', '.join(arguments)})",
         result="float(value.reshape(-1)[0])" if size == 1 else "value.reshape(-1)",
     )
 

@@ -34,7 +34,11 @@ MODELS["Izhikevich"] = (
     "Izhikevich",
     {name: name for name in ("tau_recovery", "coupling", "reset_voltage", "reset_recovery")},
 )
-AMPLITUDE = ("LIF", "LIFRate", "RectifiedLinear", "SpikingRectifiedLinear", "AdaptiveLIF")
+EMISSIONS = (
+    (nengo.RegularSpiking, "regular"),
+    (nengo.StochasticSpiking, "stochastic"),
+    (nengo.PoissonSpiking, "poisson"),
+)
 RULES = {
     "PES": ("pes", {"learning_rate": "learning_rate", "tau": "pre_synapse"}),
     "RLS": ("rls", {"learning_rate": "learning_rate", "tau": "pre_synapse"}),
@@ -55,24 +59,90 @@ def synapse_entry(synapse: Any) -> Any:
         return float(synapse.tau) if synapse.tau > 0.0 else "none"
     if isinstance(synapse, nengo.Alpha):
         return f"alpha({synapse.tau:g})"
-    raise UsageError(f"{synapse!r} is not read; expected Lowpass or Alpha")
+    if isinstance(synapse, nengo.Triangle):
+        return f"triangle({synapse.t:g})"
+    if isinstance(synapse, nengo.LinearFilter) and synapse.analog:
+        num, den = (np.asarray(each, dtype=float).tolist() for each in (synapse.num, synapse.den))
+        return {"type": "linear", "num": num, "den": den}
+    raise UsageError(
+        f"{synapse!r} is not read; expected a Lowpass, Alpha, Triangle or LinearFilter"
+    )
 
 
 def neuron_entry(neuron: Any) -> Any:
     """A neuron model, with the parameters that differ from the model's own."""
-    name = type(neuron).__name__
+    emission = next((word for kind, word in EMISSIONS if isinstance(neuron, kind)), "")
+    base = neuron.base_type if emission else neuron
+    name = type(base).__name__
     if name not in MODELS:
         raise UsageError(f"{neuron!r} is not read; expected one of {', '.join(MODELS)}")
     kind, names = MODELS[name]
-    default = type(neuron)()
-    entry = {
-        ours: float(getattr(neuron, theirs))
+    default = type(base)()
+    entry: dict[str, Any] = {
+        ours: float(getattr(base, theirs))
         for ours, theirs in names.items()
-        if getattr(neuron, theirs) != getattr(default, theirs)
+        if getattr(base, theirs) != getattr(default, theirs)
     }
+    if emission:
+        if getattr(base, "amplitude", 1) != 1:
+            raise UsageError(f"{neuron!r} is not read; give the spikes an amplitude, not the rates")
+        entry["spikes"] = emission
     if getattr(neuron, "amplitude", 1) != 1:
         entry["amplitude"] = float(neuron.amplitude)
     return {"type": kind, **entry} if entry else kind
+
+
+def noise_entry(process: Any, dt: float) -> dict[str, Any]:
+    """The noise of an ensemble, and its filter.
+
+    Nengo divides what is drawn by the root of the step, or with ``scale=False`` does not.
+    """
+    kinds = (nengo.processes.WhiteNoise, nengo.processes.FilteredNoise)
+    if not isinstance(process, kinds):
+        known = "WhiteNoise or FilteredNoise"
+        raise UsageError(f"{process!r} is not read as noise of an ensemble; expected {known}")
+    root = 1.0 if process.scale else float(np.sqrt(dt))
+    dists, drawn = nengo.dists, process.dist
+    if isinstance(drawn, dists.Gaussian):
+        drawn = dists.Gaussian(drawn.mean * root, drawn.std * root)
+    elif isinstance(drawn, dists.Uniform):
+        drawn = dists.Uniform(drawn.low * root, drawn.high * root)
+    elif isinstance(drawn, dists.Exponential):
+        drawn = dists.Exponential(drawn.scale * root, drawn.shift * root, drawn.high * root)
+    elif isinstance(drawn, dists.Choice) and np.size(drawn.options) == 1:
+        return {"noise": float(np.ravel(drawn.options)[0]) * root} | _noise_synapse(process)
+    else:
+        raise UsageError(f"{drawn!r} is not read as noise of an ensemble")
+    return {"noise": distribution_entry(drawn)} | _noise_synapse(process)
+
+
+def _noise_synapse(process: Any) -> dict[str, Any]:
+    synapse = synapse_entry(getattr(process, "synapse", None))
+    return {} if synapse == "none" else {"noise_synapse": synapse}
+
+
+def rule_of(connection: Any) -> Any:
+    """The rule of a connection, or None.
+
+    Raises
+    ------
+    UsageError : there are several.
+    """
+    return _only(connection.learning_rule_type, connection)
+
+
+def signal_of_rule(connection: Any) -> Any:
+    """What the error of a connection's rule is connected to."""
+    return _only(connection.learning_rule, connection)
+
+
+def _only(rule: Any, connection: Any) -> Any:
+    rules = list(rule.values()) if isinstance(rule, dict) else rule
+    if not isinstance(rules, (list, tuple)):
+        return rules
+    if len(rules) > 1:
+        raise UsageError(f"{connection}: several rules on one connection are not read")
+    return rules[0] if rules else None
 
 
 def rule_entry(rule: Any) -> dict[str, Any]:
@@ -85,7 +155,9 @@ def rule_entry(rule: Any) -> dict[str, Any]:
     for ours, theirs in names.items():
         value = getattr(rule, theirs)
         if ours.endswith("tau"):
-            value = 0.0 if value is None else synapse_entry(value)
+            value = 0.0 if value is None or value == nengo.Lowpass(0) else synapse_entry(value)
+            if not isinstance(value, float):
+                raise UsageError(f"{rule!r}: its {theirs} is not read; expected a Lowpass")
         entry[ours] = value if ours.endswith("tau") else float(value)
     return entry
 
@@ -104,7 +176,7 @@ def ensemble_entry(population: Population, simulator: Any, redraw: bool) -> dict
     if neuron != "LIF":
         entry["neuron"] = neuron
     if first.noise is not None:
-        raise UsageError(f"{first}: noise is not read; leave it out")
+        entry |= noise_entry(first.noise, simulator.dt)
     if not first.normalize_encoders:
         entry["normalize"] = False
     if redraw:

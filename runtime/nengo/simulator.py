@@ -5,22 +5,28 @@ In: a network. Out: what ``nengo.Simulator`` gives, computed by a session of the
     with Simulator(network) as simulator:
         simulator.run(1.0)
     simulator.data[probe]
+
+Functions of nodes and of connections from nodes are called as they are, in each step.
 """
 
 from __future__ import annotations
 
+import secrets
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
 import nengo
 import numpy as np
+from nengo.exceptions import SimulatorClosed, ValidationError
 
 from blocks.core import FloatArray
-from runtime.errors import UsageError
+from runtime.errors import SimulationError
 from runtime.graph import load
 from runtime.nengo.importing import import_network
+from runtime.nengo.live import CALLS
 
 
 class Simulator:
@@ -30,7 +36,7 @@ class Simulator:
     ----------
     dt : step (s). seed : of what is drawn; default that of the network, or a random one.
     engine : python, compiled, or auto.
-    recorded : how long (s) processes are recorded for; after that their last value holds.
+    progress_bar, optimize : are taken for Nengo's sake; nothing is shown.
 
     Raises
     ------
@@ -44,31 +50,34 @@ class Simulator:
         seed: int | None = None,
         *,
         engine: str = "auto",
-        recorded: float = 10.0,
         progress_bar: Any = None,
         optimize: Any = None,
     ) -> None:
-        self.network, self.dt, self.engine, self.recorded = network, dt, engine, recorded
-        self.closed = False
-        self._begin(seed)
-
-    def _begin(self, seed: int | None) -> None:
+        self.closed = True  # until there is something to close
+        self.network, self.dt, self.engine = network, dt, engine
+        self._calls: list[int] = []
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
         if seed is None:
-            # Drawn once, so that the neurons of `data` are those that run.
-            given = self.network.seed
-            seed = int(np.random.default_rng().integers(2**31 - 1)) if given is None else given
+            # Drawn once, so that a reset has the same neurons.
+            given = network.seed
+            seed = secrets.randbelow(2**31 - 1) if given is None else given + 1
         self.seed = seed
-        # Its files are read when the graph is loaded, and not needed after that.
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "network.yaml"
-            done = import_network(self.network, path, dt=self.dt, seed=seed, until=self.recorded)
-            self._addresses = {n: str(of) for n, of in done.converted.probes.items()}
-            self._probes = {probe: (name, late) for name, (probe, late) in done.late.items()}
-            self._session = load(path).session(engine=self.engine)
-        with nengo.Simulator(
-            self.network, dt=self.dt, seed=seed, progress_bar=False, optimize=False
-        ) as built:
-            self._built = built.data
+        self._begin()
+
+    def _begin(self) -> None:
+        self._forget()
+        # Its files are read again when a run goes on past `until`.
+        self._folder = tempfile.TemporaryDirectory()
+        path = Path(self._folder.name) / "network.yaml"
+        done = import_network(self.network, path, dt=self.dt, seed=self.seed, live=True)
+        self._session = load(path).session(engine=self.engine)
+        self._calls = done.converted.calls
+        self._recordings = {
+            each.probe: (name, each) for name, each in done.converted.recordings.items()
+        }
+        self.model = done.converted.simulator.model
+        self._built = done.converted.simulator.data
+        self.closed, self._cleared = False, 0
         self.data: Mapping[Any, Any] = _Data(self)
 
     @property
@@ -84,14 +93,29 @@ class Simulator:
     def run(self, time_in_seconds: float, progress_bar: Any = None) -> None:
         """Run for a time (s), rounded to whole steps."""
         if time_in_seconds < 0.0:
-            raise UsageError(f"expected a time of at least 0, got {time_in_seconds}")
-        self.run_steps(round(time_in_seconds / self.dt))
+            message = f"Must be positive (got {time_in_seconds:g})"
+            raise ValidationError(message, attr="time_in_seconds", obj=self)
+        steps = round(time_in_seconds / self.dt)
+        if steps == 0:
+            warnings.warn(f"{time_in_seconds:g} s are no step of {self.dt:g} s", stacklevel=2)
+        self.run_steps(steps)
 
     def run_steps(self, steps: int, progress_bar: Any = None) -> None:
-        """Run some steps."""
-        if self.closed:
-            raise UsageError("the simulator is closed; make another one")
-        self._session.step(steps)
+        """Run some steps.
+
+        Raises
+        ------
+        SimulatorClosed : the simulator is closed. nengo.exceptions.SimulationError, or what a
+        function of the network raises : a step failed.
+        """
+        self._check_open("run")
+        try:
+            self._session.step(steps)
+        except SimulationError as error:
+            cause = error.__cause__
+            if isinstance(cause, Exception):
+                raise cause from None
+            raise nengo.exceptions.SimulationError(str(error)) from None
 
     def step(self) -> None:
         """Run one step."""
@@ -99,36 +123,68 @@ class Simulator:
 
     def reset(self, seed: int | None = None) -> None:
         """Begin again at 0; with another seed, with other neurons where the network has none."""
-        if self.closed:
-            raise UsageError("the simulator is closed; make another one")
-        self._begin(self.seed if seed is None else seed)
+        self._check_open("reset")
+        self.seed = self.seed if seed is None else seed
+        self._begin()
 
-    def trange(self, sample_every: float | None = None) -> FloatArray:
-        """The times (s) of the rows of probes, or of every so many seconds."""
-        every = 1 if sample_every is None else round(sample_every / self.dt)
-        return np.array([k * self.dt for k in range(every, self.n_steps + 1, every)])
+    def clear_probes(self) -> None:
+        """Forget what was recorded so far."""
+        self._cleared = self.n_steps
+
+    def trange(self, sample_every: float | None = None, dt: float | None = None) -> FloatArray:
+        """The times (s) of the rows of probes, or of every so many seconds (formerly ``dt``)."""
+        if dt is not None:
+            warnings.warn("dt is now called sample_every", DeprecationWarning, stacklevel=2)
+            sample_every = dt
+        return np.asarray(self.dt * (1.0 + self._sampled(sample_every, 0)))
 
     def close(self) -> None:
         """End the simulation; what was probed stays."""
         self.closed = True
+        self._forget()
 
     def __enter__(self) -> Self:
+        self._check_open("enter")
         return self
 
     def __exit__(self, *error: object) -> None:
         self.close()
 
+    def __del__(self) -> None:
+        if not self.closed:
+            message = "Simulator deallocated while open: close it, or use 'with'"
+            warnings.warn(message, ResourceWarning, stacklevel=2)
+            self._forget()
+
     def rows(self, probe: Any) -> FloatArray:
-        """What a probe recorded, (steps, size)."""
-        name, late = self._probes[probe]
-        if self.n_steps == 0:
-            return np.zeros((0, probe.size_in))
+        """What a probe recorded, (rows, size)."""
+        name, recording = self._recordings[probe]
         values = np.asarray(self._session.result()[name])
-        if late:
+        if len(values) == 1 < self.n_steps:  # a constant is recorded once
+            values = np.repeat(values, self.n_steps, axis=0)
+        if recording.late and self.n_steps:
             # A state is recorded before its step, and Nengo's row is from after it.
-            last = self._session.read(self._addresses[name])
-            values = np.concatenate([values[1:], np.asarray(last)[None]])
-        return values.reshape(len(values), -1) if values.ndim == 1 else values
+            last = np.asarray(self._session.read(recording.address))
+            values = np.concatenate([values[1:], last.reshape(1, *values.shape[1:])])
+        rows = recording.rows(values)
+        return np.asarray(rows[self._sampled(probe.sample_every, self._cleared)])
+
+    def _sampled(self, every: float | None, first: int) -> Any:
+        """The steps after which there is a row, counted from 0."""
+        steps = np.arange(first, self.n_steps)
+        return steps if every is None else steps[(steps + 1) % (every / self.dt) < 1]
+
+    def _check_open(self, what: str) -> None:
+        if self.closed:
+            raise SimulatorClosed(f"cannot {what}: the simulator is closed; make another one")
+
+    def _forget(self) -> None:
+        for number in self._calls:
+            CALLS.pop(number, None)
+        self._calls = []
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
 
 
 class _Data(Mapping[Any, Any]):
@@ -138,7 +194,7 @@ class _Data(Mapping[Any, Any]):
         self.simulator = simulator
 
     def __getitem__(self, key: Any) -> Any:
-        if key in self.simulator._probes:
+        if key in self.simulator._recordings:
             return self.simulator.rows(key)
         return self.simulator._built[key]
 

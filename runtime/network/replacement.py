@@ -59,6 +59,9 @@ def replace_block(
     names = name.strip().split(".")
     scopes = _scopes(document, names, where)
     module, colon, type_name = kind.rpartition(":")
+    if "{" in module or not type_name.strip().isidentifier():
+        text = "expected a type, as PathPID or my_blocks.py:Mine (--set gives its parameters)"
+        raise GraphError([Problem(where, name, f"{text}, got '{kind}'")])
     entry: dict[str, Node] = {"type": Node(type_name.strip(), where, where)}
     if colon:
         entry["module"] = Node(str(Path(module).resolve()), where, where)

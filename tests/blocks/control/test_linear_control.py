@@ -25,11 +25,11 @@ def sampled() -> tuple[np.ndarray, np.ndarray]:
     return ad, bd
 
 
-def mpc(x: np.ndarray, **params: Any) -> np.ndarray:
+def mpc(x: np.ndarray, reference: float = 0.0, **params: Any) -> np.ndarray:
     """The commands for states (k, 2), each the first of a run of its own."""
     entry = {"type": "LinearMPC", "A": A, "B": B, "Q": Q, "R": R, "dt": DT, **params}
     x = np.vstack((x, x[-1:]))  # a table has two rows at least
-    given = {"states": [x], "reference": np.zeros((len(x), 2))}
+    given = {"states": [x], "reference": np.tile([reference, 0.0], (len(x), 1))}
     return np.asarray(respond(entry, given, of="command", dt=DT)).ravel()[:-1]
 
 
@@ -101,6 +101,42 @@ def test_a_cart_pole_is_balanced_within_its_limit_in_both_engines() -> None:
     assert np.abs(python["u"]).max() == pytest.approx(6.0)
     assert np.abs(python["x"][-1]).max() < 0.05
     np.testing.assert_allclose(python["x"], compiled["x"], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("reference", [0.0, 0.5])
+@pytest.mark.parametrize("seed", range(3))
+def test_states_are_limited_softly_as_scipy_limits_them(seed: int, reference: float) -> None:
+    ad, bd = sampled()
+    weights, r, steps, penalty, high = np.diag(Q), np.diag(R), 6, 50.0, 0.3
+    p = linalg.solve_discrete_are(ad, bd, weights, r)
+    x0 = np.array([np.random.default_rng(seed).standard_normal(), 1.5])
+    states = [x0 - reference * np.array([1.0, 0.0])]
+
+    def simulated(u: np.ndarray) -> np.ndarray:
+        for k in range(steps):
+            states[k + 1 :] = [ad @ states[k] + bd[:, 0] * u[k]]
+        return np.array(states)
+
+    def cost(u: np.ndarray) -> float:
+        x, e = simulated(u[:-1]), u[-1]
+        total = sum(float(x[k] @ weights @ x[k] + u[k] * r[0, 0] * u[k]) for k in range(steps))
+        return total + float(x[-1] @ p @ x[-1]) + penalty * e * e
+
+    def room(u: np.ndarray) -> np.ndarray:
+        second = simulated(u[:-1])[1:, 1]
+        return np.concatenate((high + u[-1] - second, second + 0.2 + u[-1]))
+
+    best = optimize.minimize(
+        cost,
+        np.zeros(steps + 1),
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": room},
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    limits = {"states_low": [-math.inf, -0.2], "states_high": [math.inf, high]}
+    found = mpc(x0[None], reference, steps=steps, penalty=penalty, **limits)
+    assert best.x[-1] > 1e-3  # a limit is passed
+    assert found[0] == pytest.approx(best.x[0], abs=1e-4)
 
 
 PLANT = {"type": "StateSpace", "A": A, "B": B, "C": [[1, 0], [0, 1]]}

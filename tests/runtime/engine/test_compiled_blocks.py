@@ -45,8 +45,8 @@ Draw = Callable[[np.random.Generator], Any]
 ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = (0, 1, 2)
-# Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum"}
+# Called from Python under the compiled engine: they compute with other libraries.
+PYTHON_ONLY = {"FMU", "ModelExchangeFMU", "MujocoVacuum"}
 
 
 @dataclass(frozen=True)
@@ -467,7 +467,9 @@ CASES: dict[str, list[Case]] = {
             blocks.LinearMPC(
                 **{"A": [[0, 1], [2, 0]], "B": [[1, 0], [0, 1]], "Q": [1, 1], "R": [1, 2]},
                 **{"low": [-0.5, -math.inf], "high": [0.2, 1], "steps": 4, "x0": [1, 2]},
-            )
+                states_high=[math.inf, 2.5],
+            ),
+            {"reference": Vector(2)},
         ),
     ],
     "MPC": [

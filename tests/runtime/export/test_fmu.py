@@ -229,6 +229,9 @@ def test_every_shipped_graph_as_an_fmu(name: str, tmp_path: Path) -> None:
     graph = runtime.load(name)
     ticks = min(TICKS, graph.network.ticks)
     graph = graph.set("run.until", ticks * graph.network.dt)
+    for probe in graph.program().observation.probes.values():
+        if probe.synapse is not None:  # a filter of what is recorded is no part of the model
+            graph = graph.set(f"probes.{probe.name}.synapse", None)
     fmi = 2 + sum(map(ord, name)) % 2
     file = tmp_path / export_fmu(graph, tmp_path, fmi=fmi).files[0]
     assert validation.validate_fmu(str(file)) == []

@@ -195,10 +195,11 @@ def test_functions_are_recognised_by_their_values(function: Any, d: int, expecte
         ("import nengo\na, b = nengo.Network(), nengo.Network()\n", "got a, b; write"),
         ("1 / 0\n", "fails: ZeroDivisionError"),
         ("import nengo\nwith nengo.Network() as m:\n  nengo.Ensemble(9, 1, "
-         "neuron_type=nengo.PoissonSpiking(nengo.LIFRate()))\n", "is not read; expected one of"),
+         "neuron_type=nengo.PoissonSpiking(nengo.LIFRate(amplitude=2)))\n", "is not read; give"),
         ("import nengo\nwith nengo.Network() as m:\n"
          "  a = nengo.Ensemble(9, 1)\n"
-         "  nengo.Connection(a, a, synapse=nengo.Triangle(0.1))\n", "Triangle"),
+         "  nengo.Connection(a, a, synapse=nengo.LinearFilter([1], [1], analog=False))\n",
+             "expected a Lowpass"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_said(tmp_path: Path, cli: Run, text: str, expected: str) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.errors import UsageError
-
 nengo = pytest.importorskip("nengo")
+
+from nengo.exceptions import SimulatorClosed  # noqa: E402
 
 from spikeblocks.nengo import Simulator  # noqa: E402
 
@@ -54,5 +54,131 @@ def test_a_reset_begins_again_and_a_closed_one_does_not_run(network: Any) -> Non
     simulator.run(0.01)
     np.testing.assert_array_equal(simulator.data[network.value], first)
     simulator.close()
-    with pytest.raises(UsageError, match="is closed"):
+    with pytest.raises(SimulatorClosed, match="is closed"):
         simulator.step()
+
+
+def equal(network: Any, steps: int = 60, tolerance: float = 1e-10) -> None:
+    """Whether all probes of a network are those of Nengo's own simulator."""
+    with nengo.Simulator(network, progress_bar=False) as theirs:
+        theirs.run_steps(steps, progress_bar=False)
+    with Simulator(network, engine="python") as ours:
+        ours.run_steps(steps)
+    for probe in network.all_probes:
+        expected = np.asarray(theirs.data[probe])
+        assert ours.data[probe].shape == expected.shape
+        np.testing.assert_allclose(ours.data[probe], expected, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    "synapse",
+    [
+        nengo.Alpha(0.01),
+        nengo.Triangle(0.004),
+        nengo.LinearFilter([1.0, 2.0], [1.0, 300.0]),
+        nengo.LinearFilter([1e4], [1.0, 30.0, 1e4]),
+        nengo.Lowpass(0),
+    ],
+    ids=str,
+)
+def test_synapses_after_nodes_and_ensembles_are_nengos(synapse: Any) -> None:
+    with nengo.Network(seed=2) as network:
+        stimulus = nengo.Node(lambda t: np.sin(40 * t))
+        a, out = nengo.Ensemble(12, 1), nengo.Node(size_in=1)
+        nengo.Connection(stimulus, a, synapse=synapse)
+        nengo.Connection(stimulus, out, synapse=synapse)
+        nengo.Probe(out)
+        nengo.Probe(a, synapse=None if isinstance(synapse, nengo.Lowpass) else synapse)
+        nengo.Probe(a.neurons)
+        if isinstance(synapse, nengo.Lowpass):
+            network.probes.remove(network.probes[1])
+    equal(network)
+
+
+@pytest.mark.parametrize("post", ["ensemble", "neurons", "some neurons"])
+@pytest.mark.parametrize("before", ["ensemble", "neurons", "some neurons", "weights"])
+@pytest.mark.parametrize("error", [True, False])
+def test_pes_learns_the_same_weights_from_and_to_everything(
+    before: str, post: str, error: bool
+) -> None:
+    with nengo.Network(seed=4) as network:
+        a, b = nengo.Ensemble(8, 1), nengo.Ensemble(7, 1, radius=1.5)
+        stimulus = nengo.Node(0.7)
+        nengo.Connection(stimulus, a)
+        source = {"neurons": a.neurons, "some neurons": a.neurons[2:6]}.get(before, a)
+        target = {"neurons": b.neurons, "some neurons": b.neurons[:5]}.get(post, b)
+        if before == "weights" and post != "ensemble":
+            pytest.skip("a solver of weights leads to an ensemble")
+        rule = nengo.PES(1e-3, pre_synapse=0.01)
+        how: dict[str, Any] = {"learning_rule_type": {"pes": rule}}
+        if before == "weights":
+            how["solver"] = nengo.solvers.LstsqL2(weights=True)
+        else:
+            how["transform"] = 1e-3 * np.ones((target.size_in, source.size_out))
+        learnt = nengo.Connection(source, target, **how)
+        if error:
+            nengo.Connection(stimulus, learnt.learning_rule["pes"], synapse=None)
+        nengo.Probe(learnt, "weights")
+        nengo.Probe(learnt.learning_rule["pes"], "activities")
+        nengo.Probe(b.neurons)
+    equal(network)
+
+
+@pytest.mark.parametrize("base", [nengo.LIFRate(), nengo.Tanh(), nengo.RectifiedLinear()], ids=str)
+def test_regular_spikes_are_nengos(base: Any) -> None:
+    with nengo.Network(seed=5) as network:
+        a = nengo.Ensemble(9, 2, neuron_type=nengo.RegularSpiking(base, amplitude=0.5))
+        nengo.Connection(nengo.Node([0.4, -0.8]), a)
+        for probe in ("output", "voltage"):
+            nengo.Probe(a.neurons, probe, sample_every=0.003)
+    equal(network)
+
+
+def test_functions_with_a_memory_and_processes_run_as_they_are() -> None:
+    def accumulate() -> Any:
+        total = [0.0]
+
+        def function(t: float, x: Any) -> float:
+            total[0] += x[0] * t
+            return total[0]
+
+        return function
+
+    with nengo.Network(seed=6) as network:
+        noise = nengo.Node(nengo.processes.WhiteSignal(0.5, 20), size_out=1)
+        filtered = nengo.Node(nengo.Lowpass(0.01), size_in=1, size_out=1)
+        last = nengo.Node(size_in=1)
+        nengo.Connection(noise, filtered, synapse=None)
+        nengo.Connection(filtered, last, function=lambda x: str(x)[:0] or abs(x), synapse=None)
+        for node in (noise, filtered, last):
+            nengo.Probe(node)
+    equal(network)
+    network.probes.clear()
+    with network:
+        memory = nengo.Node(accumulate(), size_in=1)
+        nengo.Connection(noise, memory, synapse=None)
+        nengo.Probe(memory)
+    with Simulator(network) as ours:
+        ours.run_steps(1200)  # past the second of the graph, where its files are read again
+    assert len(ours.data[network.probes[0]]) == 1200
+
+
+def test_noise_has_nengos_distribution() -> None:
+    with nengo.Network(seed=7) as network:
+        noise = nengo.processes.WhiteNoise(nengo.dists.Gaussian(0.1, 0.02), scale=False)
+        how = {"gain": np.ones(400), "bias": np.ones(400), "neuron_type": nengo.RectifiedLinear()}
+        a = nengo.Ensemble(400, 1, noise=noise, **how)
+        probe = nengo.Probe(a.neurons)
+    with Simulator(network) as ours:
+        ours.run_steps(20)
+    drawn = ours.data[probe][1:]
+    # 7,600 draws: five standard errors.
+    assert abs(drawn.mean() - 1.1) < 5 * 0.02 / np.sqrt(drawn.size)
+    assert abs(drawn.std() - 0.02) < 5 * 0.02 / np.sqrt(2 * drawn.size)
+
+
+def test_an_error_of_a_function_reaches_its_author() -> None:
+    with nengo.Network() as network:
+        nengo.Node(lambda t: 1 / 0, size_out=1)
+    with Simulator(network) as ours, pytest.raises(ZeroDivisionError):
+        ours.step()

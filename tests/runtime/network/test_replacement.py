@@ -132,6 +132,10 @@ def test_a_type_of_ones_own(tmp_path: Path, cli: Run) -> None:
         ("slw=Gain", "--replace slw=Gain: there is no block 'slw', did you mean 'slow'?"),
         ("slow=Gian", "--replace slow=Gian: slow.type: no block type 'Gian', did you mean 'Gain'?"),
         ("slow.x=Gain", "--replace slow.x=Gain: 'slow' is a block, not a part"),
+        (
+            "slow={type: Gain}",
+            "slow: expected a type, as PathPID or my_blocks.py:Mine (--set",
+        ),
         ("slow=no.py:Gain", "no such file: 'no.py'"),
         ("slow", "expected NAME=TYPE, as in lqr=PathPID"),
         ("slow=Constant", "blocks.slow.value: missing"),
