@@ -2,8 +2,8 @@
 
 ``power`` tells how many conditions the margin asks for; ``run TASK...`` runs what has no row yet (a
 study that was interrupted continues); ``gather`` writes the rows to docs/study; ``costs`` measures
-what each contestant needs as C; ``check`` compares plan, commits and rows; ``page`` writes
-docs/comparison.md from the rows.
+what each contestant needs as C; ``coverage`` simulates how often the intervals hold the truth;
+``check`` compares plan, commits and rows; ``page`` writes docs/comparison.md from the rows.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from runtime.cli import run as command
 from tests.studies.comparison import costs, judge, plan, register, rows
 
-COMMANDS = ("power", "run", "gather", "costs", "check", "page")
+COMMANDS = ("power", "run", "gather", "costs", "coverage", "check", "page")
 POWER, END = "<!-- power, generated -->", "<!-- end -->"
 
 
@@ -32,6 +32,8 @@ def main() -> int:
         before, rest = text.split(POWER)
         table = f"{POWER}\n{judge.power_table()}\n{END}"
         plan.TEXT.write_text(before + table + rest.split(END, 1)[1], encoding="utf-8")
+    if options.command == "coverage":
+        judge.write_coverage()
     if options.command == "costs":
         costs.measure()
     if options.command == "check":
@@ -47,6 +49,8 @@ def main() -> int:
             register.require()
             # One after the other, so that what has been run is complete wherever it is interrupted.
             for name in options.only or plan.read()["tasks"][task]["contestants"]:
+                if task in rows.tasks() and rows.is_complete(task, name):
+                    continue
                 file = plan.write(task, options.out / "files")
                 rows.choose(file, name)
                 where = ["-j", str(options.jobs), "--out", str(options.out)]

@@ -31,6 +31,7 @@ from runtime.experiments.analysis import benjamini_hochberg
 from tests.studies.comparison import plan, rows
 
 LEVEL = 0.05
+COVERAGE = rows.ROWS / "coverage.csv"
 SEEDS = 2
 FEWEST = 3  # tunings; of fewer, their scatter is unknown
 
@@ -191,6 +192,35 @@ def simulated(
         for _ in range(2)
     )
     return first + place + apart, second
+
+
+def coverage(shape: tuple[int, int, int], times: int = 1000) -> tuple[float, float]:
+    """How often the interval holds the truth, and how often that of the bootstrap does."""
+    rng = np.random.default_rng([5, *shape])
+    within = again = 0
+    for i in range(times):
+        a, b = simulated(rng, shape)
+        found = contrast(a, b, plan.margin())
+        within += found.low <= 0.0 <= found.high
+        if i % 4 == 0:
+            low, high = bootstrap(a, b, rng)
+            again += low <= 0.0 <= high
+    return within / times, 4 * again / times
+
+
+def write_coverage() -> None:
+    """Write how often the intervals of the plan's groups hold the truth."""
+    settings = plan.read()
+    sizes = {
+        group[plan.HELD_OUT]
+        for task in settings["tasks"].values()
+        for group in task["groups"].values()
+    }
+    lines = ["tunings,conditions,seeds,interval,bootstrap"]
+    for n in sorted(sizes):
+        shape = (settings["tunings"], n, SEEDS)
+        lines.append(",".join(map(str, (*shape, *coverage(shape)))))
+    COVERAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def power(tunings: int, conditions: int, apart: float, times: int = 1000) -> tuple[float, float]:

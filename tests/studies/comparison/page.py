@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -105,14 +106,24 @@ def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
 
 
 def _words(found: list[Answer]) -> Iterator[str]:
-    """A sentence for each contestant and rival: the verdicts with their ratios."""
-    for pair in dict.fromkeys((line.one, line.other) for line in found):
-        own = [line for line in found if (line.one, line.other) == pair]
-        said = [
-            f"{_group(line)}, {_measure(line)}: **{line.contrast.word}**, {ratio(line.contrast)}"
-            for line in own
-        ]
-        yield f"* **{pair[0]}** against {pair[1]}: {'; '.join(said)}."
+    """A sentence for each contestant and rival: how often which verdict, and where."""
+    for one, other in dict.fromkeys((line.one, line.other) for line in found):
+        own = [line for line in found if (line.one, line.other) == (one, other)]
+        said = []
+        for word in COLOURS:
+            places = [line for line in own if line.contrast.word == word]
+            named = "; ".join(f"{_place(x)}, {ratio(x.contrast)}" for x in places)
+            if len(places) == len(own) > 1:
+                ends = sorted(math.exp(x.contrast.mean) for x in own)
+                named = f"all {len(own)} comparisons, {ends[0]:.2f} to {ends[-1]:.2f}"
+            said += [f"**{word}** ({named})"] if places else []
+        yield f"* {one} against {other}: {', '.join(said)}."
+
+
+def _place(line: Answer) -> str:
+    """Where a line is about, and which part of the run if it is not all of it."""
+    measure = _measure(line)
+    return _group(line) if measure == WHOLE else f"{_group(line)}, {measure}"
 
 
 COLOURS = {"better": "#2a7f3f", "worse": "#b2332a", "equivalent": "#2b5c9e", "undecided": "#777777"}
@@ -130,7 +141,7 @@ def _figure(found: list[Answer]) -> Figure:
         ends = [math.exp(one.low), math.exp(one.high)]
         axes.plot(ends, [place, place], color=COLOURS[one.word], lw=2)
         axes.plot(math.exp(one.mean), place, "o", color=COLOURS[one.word], ms=5)
-    labels = [f"{x.one} / {x.other}: {_group(x)}, {_measure(x)}" for x in found]
+    labels = [f"{x.one} / {x.other}: {_place(x)}" for x in found]
     axes.set_yticks(range(len(found)), labels, fontsize=7)
     axes.set_ylim(len(found) - 0.4, -0.6)
     axes.set_xscale("log")
@@ -218,6 +229,8 @@ def _costs() -> str:
     return "\n".join([*lines, "", "</details>"])
 
 
+COVERED = """* Of 1,000 simulated studies of {tunings} tunings, {conditions} conditions and {seeds}
+  seeds, {interval} of the 95 % intervals hold the truth ({bootstrap} of those by a bootstrap)."""
 FOOT = """## How to read this
 
 * **Better**, **worse**: the ratio differs from 1. **Equivalent**: it is within 1/{margin} and
@@ -234,4 +247,17 @@ FOOT = """## How to read this
 
 
 def _foot() -> str:
+    lines = []
+    if judge.COVERAGE.exists():
+        with judge.COVERAGE.open(encoding="utf-8") as stream:
+            lines = [COVERED.format(**_percent(row)) for row in csv.DictReader(stream)]
+    return "\n".join([_reading(), *lines])
+
+
+def _percent(row: dict[str, str]) -> dict[str, str]:
+    shares = {key: f"{100 * float(row[key]):.1f} %" for key in ("interval", "bootstrap")}
+    return row | shares
+
+
+def _reading() -> str:
     return FOOT.format(margin=plan.read()["margin"], fewest=judge.FEWEST)

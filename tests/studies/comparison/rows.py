@@ -58,16 +58,26 @@ def choose(file: Path, contestant: str) -> None:
     file.write_text(dump_yaml(data), encoding="utf-8")
 
 
+def is_complete(task: str, contestant: str) -> bool:
+    """Whether all tunings of a contestant have rows."""
+    done = {row["tuning"] for row in read(task) if row["contestant"] == contestant}
+    return len(done) >= plan.read()["tunings"]
+
+
 def gather(task: str, folder: Path) -> Path:
-    """Write the rows of the tunings in a contest's folder that have been judged."""
+    """Write the rows of the tunings in a contest's folder that have been judged, beside the old."""
     settings = plan.read()
     names = slugs(list(settings["tasks"][task]["contestants"]))
+    # Rows stay where a folder has no others: a study may be continued on another computer.
+    old = read(task) if task in tasks() else []
     found: list[Row] = []
     for name, start in names.items():
         for tuning in range(settings["tunings"]):
             own = folder / f"{start}-{tuning}"
             if (own / "tuning.json").exists():
                 found += _rows(name, tuning, own)
+            else:
+                found += [x for x in old if (x["contestant"], x["tuning"]) == (name, str(tuning))]
     if not found:
         raise UsageError(f"there is no judged tuning in '{folder}'; see --out")
     kept = [key for key in found[0] if key not in FIRST]
