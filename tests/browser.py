@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import tempfile
@@ -60,6 +61,75 @@ def load(page: Path) -> Loaded:
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     return Loaded(done.stdout, console)
+
+
+class Driven:
+    """A browser that is driven through its debugging pipe, with input as hands give it."""
+
+    def __init__(self, page: Path, width: int, height: int) -> None:
+        self.number = 0
+        self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        given, self.writing = os.pipe()
+        self.reading, taken = os.pipe()
+        options = [f"--window-size={width},{height}", f"--user-data-dir={self.profile.name}"]
+
+        def connect() -> None:
+            # The browser reads commands from descriptor 3, and writes to 4.
+            inside = os.dup(taken)
+            os.dup2(given, 3)
+            os.dup2(inside, 4)
+
+        self.process = subprocess.Popen(
+            [browser(), *FLAGS, *options, "--remote-debugging-pipe", "about:blank"],
+            preexec_fn=connect,
+            close_fds=True,
+            pass_fds=(3, 4),
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(given)
+        os.close(taken)
+        self.session: str | None = None
+        self.rest = b""
+        made = self.call("Target.createTarget", {"url": "about:blank"})
+        target = {"targetId": made["targetId"], "flatten": True}
+        self.session = self.call("Target.attachToTarget", target)["sessionId"]
+        self.call("Page.navigate", {"url": page.as_uri()})
+
+    def call(self, method: str, parameters: dict[str, Any]) -> Any:
+        """Call a method of the debugging protocol, and wait for its result."""
+        self.number += 1
+        said: dict[str, Any] = {"id": self.number, "method": method, "params": parameters}
+        said |= {"sessionId": self.session} if self.session else {}
+        os.write(self.writing, json.dumps(said).encode() + b"\0")
+        while True:
+            while b"\0" not in self.rest:
+                block = os.read(self.reading, 1 << 16)
+                assert block, "the browser has ended"
+                self.rest += block
+            text, self.rest = self.rest.split(b"\0", 1)
+            answer = json.loads(text)
+            if answer.get("id") == self.number:
+                assert "error" not in answer, answer
+                return answer["result"]
+
+    def value(self, expression: str) -> Any:
+        """What an expression is in the page; a promise is waited for."""
+        asked = {"expression": expression, "awaitPromise": True, "returnByValue": True}
+        return self.call("Runtime.evaluate", asked)["result"].get("value")
+
+    def drag(self, places: list[tuple[float, float]]) -> None:
+        """Press the pointer at the first place, move it over all, and release it at the last."""
+        kinds = ["mousePressed", *["mouseMoved"] * len(places), "mouseReleased"]
+        for kind, (x, y) in zip(kinds, [places[0], *places, places[-1]], strict=True):
+            event = {"type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1}
+            self.call("Input.dispatchMouseEvent", event)
+
+    def close(self) -> None:
+        self.process.terminate()
+        self.process.wait()
+        os.close(self.writing)
+        os.close(self.reading)
+        self.profile.cleanup()
 
 
 def measure(page: Path, width: int) -> dict[str, Any]:

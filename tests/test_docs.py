@@ -11,6 +11,7 @@ import re
 import shlex
 import subprocess
 import sys
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -224,17 +225,21 @@ def test_what_the_how_to_learns_works_without_learning(
     assert stored.run().metrics == space["deployed"].metrics
 
 
-def commands(page: str) -> list[tuple[str, int, list[str]]]:
-    """The commands in a page's consoles, with exit codes and the lines that they should print."""
+def consoles(page: str, *kinds: str) -> list[str]:
+    """What a page shows of consoles, of the terminal and of Python, in order."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return re.findall(rf"```(?:{'|'.join(kinds)})\n(.*?)```", text, re.S)
+
+
+def commands(console: str) -> list[tuple[str, int, list[str]]]:
+    """The commands in a console, with exit codes and the lines that they should print."""
     found: list[tuple[str, int, list[str]]] = []
-    for console in re.findall(r"```console\n(.*?)```", text, re.S):
-        for line in console.splitlines():
-            if line.startswith("$ "):
-                command, _, code = line[2:].partition("    # exit code ")
-                found.append((command, int(code or 0), []))
-            else:
-                found[-1][2].append(line)
+    for line in console.splitlines():
+        if line.startswith("$ "):
+            command, _, code = line[2:].partition("    # exit code ")
+            found.append((command, int(code or 0), []))
+        else:
+            found[-1][2].append(line)
     return found
 
 
@@ -244,23 +249,40 @@ SHORT = {"run": "--until=1.5", "ablate": "--until=1.5", "sweep": "--until=1.5"}
 @pytest.mark.slow
 def test_every_command_of_the_how_to_runs(cli: Run) -> None:
     """Shortened; those of the tutorial, with what they print, are run by the slow test below."""
-    for command, code, _ in commands("how-to.md"):
+    for command, code, _ in chain(*map(commands, consoles("how-to.md", "console"))):
         verb, *rest = shlex.split(command.removeprefix("runtime "))
         done = cli(verb, *rest, *([SHORT[verb]] if verb in SHORT else []))
         assert done.returncode == code, f"{command}: {done.stderr}"
 
 
 @pytest.mark.slow
-def test_the_tutorial_shows_what_is_printed(cli: Run) -> None:
-    for command, code, lines in commands("tutorial.md"):
-        done = cli(*shlex.split(command.removeprefix("runtime ")))
-        assert done.returncode == code, done.stderr
-        printed = (done.stdout + done.stderr).splitlines()
-        for line in lines:
-            start = line.removesuffix("...").rstrip()
-            assert any(each.startswith(start) for each in printed), f"{command}: {line}"
-        if code:  # of a mistake, all messages are shown, so that the page does not flatter
-            assert lines == printed, command
+def test_the_tutorial_shows_what_is_printed(
+    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    space: dict[str, Any] = {}
+    for session in consoles("tutorial.md", "console", "pycon"):
+        if session.startswith(">>>"):
+            python(session, space)
+            continue
+        for command, code, lines in commands(session):
+            done = cli(*shlex.split(command.removeprefix("runtime ")))
+            assert done.returncode == code, done.stderr
+            printed = (done.stdout + done.stderr).splitlines()
+            for line in lines:
+                start = line.removesuffix("...").rstrip()
+                assert any(each.startswith(start) for each in printed), f"{command}: {line}"
+            if code:  # of a mistake, all messages are shown, so that the page does not flatter
+                assert lines == printed, command
+
+
+def python(session: str, space: dict[str, Any]) -> None:
+    """Run a session of Python's console, and compare what it prints."""
+    test = doctest.DocTestParser().get_doctest(session, space, "tutorial", None, 0)
+    said: list[str] = []
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    assert runner.run(test, out=said.append, clear_globs=False).failed == 0, "".join(said)
+    space.update(test.globs)
 
 
 @pytest.mark.parametrize(

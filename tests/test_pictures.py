@@ -13,8 +13,12 @@ from matplotlib.image import imread
 import runtime
 from tests.test_docs import PAGES, ROOT
 
-# Written with their pages, by tests.studies.contest and docs/learning_study.py.
-OF_STUDIES = {"comparison.png", "learning_weights.png", "learning_deployed.png"}
+# Written with their pages, by tests.studies.comparison and docs/learning_study.py.
+OF_STUDIES = {
+    *(path.name for path in (ROOT / "docs" / "images").glob("comparison_*.png")),
+    "learning_weights.png",
+    "learning_deployed.png",
+}
 COMMAND = re.compile(r"runtime (?:run|draw|render|linearize|sweep) [^`#\n]*")
 IMAGE = re.compile(r"!\[[^\]]*\]\((?:docs/|\.\./)?images/([^)]+)\)")
 

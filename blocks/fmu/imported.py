@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -29,9 +30,9 @@ from blocks.core import (
     Scalar,
     SignalType,
     State,
+    Vector,
     param,
     require,
-    value_type,
 )
 from blocks.fmu.description import Description, Variable, described
 from blocks.fmu.instance import SERIALIZE, Instance
@@ -102,7 +103,7 @@ class ImportedFMU(Block, ABC):
         results = self.description.of("output")
         units = [each.unit for each in results for _ in range(each.count)]
         rows = tuple(zip(component_names(results), units, strict=True))
-        return {"T": value_type(None, len(rows), rows)}
+        return {"T": replace(Scalar if len(rows) == 1 else Vector(len(rows)), rows=rows)}
 
     @property
     def indirect(self) -> tuple[str, ...]:

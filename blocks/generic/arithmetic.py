@@ -63,7 +63,7 @@ class Constant(Block):
         return {"T": self.kind}
 
     def output(self, state: BlockState, t: float) -> Any:
-        return self.kind.pack(self.number)
+        return self.kind.pack(self.number) if self.number.ndim else self.number.item()
 
 
 class Sum(Block):
@@ -177,7 +177,7 @@ class Gain(Block):
         kind = state.context.types["out"]
         state.form, state.pack = kind.form, kind.pack
         state.by = ("number", "component", "matrix")[self.gain.ndim]
-        state.factor = float(self.gain) if state.by == "number" else 1.0
+        state.factor = self.gain.item() if state.by == "number" else 1.0
         state.factors = np.ravel(self.gain).copy()
         state.matrix = np.atleast_2d(self.gain).copy()
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from runtime.engine.program import Program
     from runtime.engine.reading import Reader
     from runtime.engine.recorder import Saved, recording_file
+    from runtime.engine.repeating import begin_again
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
     from runtime.engine.state import NotCopiedError
@@ -42,6 +43,7 @@ __all__ = [
     "Watched",
     "adopt",
     "adopt_changed",
+    "begin_again",
     "carried",
     "labels",
     "profile_text",

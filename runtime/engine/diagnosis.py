@@ -27,6 +27,10 @@ class Diagnosis:
         total = self.total = self.network.ticks
         self.moments = [total * i // MOMENTS for i in range(1, MOMENTS + 1)] if self.seen else []
 
+    def begin_again(self) -> None:
+        """Forget what was seen."""
+        self.seen = {name: [] for name in self.seen}
+
     def boundary(self, tick: int) -> int:
         """The next tick before which blocks are watched; the end of the run if there is none."""
         if not self.moments:

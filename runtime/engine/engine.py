@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Collection, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from runtime.engine.recorder import Recorder
 from runtime.engine.replay import ExactRunner
 from runtime.engine.runners import (
     CompiledError,
+    CompiledPlan,
     MakeRunner,
     Progress,
     PythonRunner,
@@ -40,7 +41,7 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.starting import Start, described
-from runtime.engine.state import Begun, Held, RunState
+from runtime.engine.state import Begun, Held, NotCopiedError, RunState, Snapshot
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
@@ -97,6 +98,7 @@ class Engine:
     note : called with a message for the user when something takes a while.
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
+    repeats : whether it shall be able to run again, see :mod:`.repeating`.
 
     ``state`` owns everything that moves.
     """
@@ -107,6 +109,8 @@ class Engine:
     note: Callable[[str], None] = silent
     profile: Profile | None = None
     folder: Path | None = None
+    repeats: bool = False
+    first: Snapshot | None = field(init=False, default=None)
     network: Network = field(init=False)
     plan: Plan = field(init=False)
     state: RunState = field(init=False)
@@ -147,18 +151,41 @@ class Engine:
             self.begun = self.state.begun()
         # Zero, as outputs of a part that is off are.
         self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
-        if self.make_runner is None:
+        made = None
+        if self.make_runner is not None:
+            made = self.make_runner(
+                RunContext(self.program, self.state.blocks, self.namespace, self.note)
+            )
+            self.state.numbers = made.numbers
+            self.state.compiled = set(made.blocks)
+        return self._begin(made)
+
+    def _begin(self, made: CompiledPlan | None) -> Runner:
+        """Let a runner begin."""
+        if self.repeats:
+            with suppress(NotCopiedError):  # then it cannot run again
+                self.first = self.state.snapshot()
+        if made is None:
             self.runner = PythonRunner(list(self.program.held), self._python())
             return self.runner
-        made = self.make_runner(
-            RunContext(self.program, self.state.blocks, self.namespace, self.note)
-        )
-        self.state.numbers = made.numbers
-        self.state.compiled = set(made.blocks)
         own = self.state.own & self.state.compiled
         beside = Beside(self.state, own, self.namespace, made.read) if own else None
         self.runner = self.exact = ExactRunner(self.state, made, self._python, beside)
-        return made
+        return self.runner
+
+    def run_again(self, changed: Collection[str], anew: Collection[str]) -> bool:
+        """Let the runner begin again; False if that takes a new one.
+
+        Parameters
+        ----------
+        changed : the blocks with other parameters. anew : those that have started again.
+        """
+        self.first = None
+        made = None if self.exact is None else self.exact.compiled
+        if made is not None and not made.begin_again(self.network, changed, anew):
+            return False
+        self._begin(made)
+        return self.first is not None
 
     def solve(self) -> list[Problem]:
         """What the blocks that solve for what others publish find wrong; starts only those."""
@@ -347,7 +374,7 @@ class Engine:
         """The function of the Python plan."""
         code = self.program.code
         self.lines = code.lines
-        self.namespace |= self.state.stacks()
+        self.namespace |= self.state.stacks(self.network)
         exec(code.pieces[0], self.namespace)
         run: Run = self.namespace["run"]
         return run

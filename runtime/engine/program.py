@@ -82,7 +82,7 @@ class Program:
         ):
             earlier = None
         object.__setattr__(self, "gathered", gathered)
-        object.__setattr__(self, "plan", plan if earlier is None else earlier.plan)
+        object.__setattr__(self, "plan", plan)
         object.__setattr__(self, "names", names_of(plan) if earlier is None else earlier.names)
         object.__setattr__(self, "_origin", None if earlier is None else earlier.origin)
 
@@ -149,6 +149,12 @@ class Program:
 
 
 def _is_same(one: Plan, other: Plan) -> bool:
-    """Whether two plans have the same texts. The coupling of states is not compared with plans."""
-    implicit = any(isinstance(o, Integrate) and o.coupling is not None for o in other.operations)
-    return one == other and not implicit
+    """Whether two plans have the same texts.
+
+    Plans are equal whatever the coupling of their states and the edges of their sources are.
+    """
+    here, there = one.integration, other.integration
+    if here is None or there is None:
+        return one == other
+    edges = len(here.edges) == len(there.edges)
+    return one == other and edges and here.coupling is None and there.coupling is None

@@ -179,20 +179,33 @@ class Recorder:
                     raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
         elif folder is not None:
             _check_room(folder.parent, size)
-        self.filters = {
-            name: ProbeFilter(probe, probe.synapse, dt)
-            for name, probe in probes.items()
-            if probe.synapse is not None
-        }
-        for name in (gathered.keys() | self.filters.keys()) - self.sinks.keys():
-            rows = None if keep is None else probes[name].rows(keep)
-            self.sinks[name] = Rows(probes[name].shape, rows)
+        self.dt, self.keep = dt, keep
+        self._in_memory()
         # The rows of the buffer of each probe that does not fill the whole recording.
         self.buffers = {name: buffered(probes[name], gathered) for name in self.sinks}
         self.arrays = {
             name: np.full((self.buffers.get(name) or probe.rows(ticks), *probe.shape), np.nan)
             for name, probe in probes.items()
         }
+
+    def _in_memory(self) -> None:
+        """Filters that have seen nothing, and no rows in memory."""
+        self.filters = {
+            name: ProbeFilter(probe, probe.synapse, self.dt)
+            for name, probe in self.probes.items()
+            if probe.synapse is not None
+        }
+        for name in self.gathered.keys() | self.filters.keys():
+            if not isinstance(self.sinks.get(name), Stream):
+                rows = None if self.keep is None else self.probes[name].rows(self.keep)
+                self.sinks[name] = Rows(self.probes[name].shape, rows)
+
+    def begin_again(self) -> None:
+        """Forget what a run has recorded in memory, but what is constant."""
+        for name, array in self.arrays.items():
+            if not self.probes[name].constant:
+                array.fill(np.nan)
+        self._in_memory()
 
     def _opened(self, folder: Path | None, size: int) -> Path:
         try:

@@ -67,6 +67,14 @@ class CompiledPlan(Runner, Protocol):
     def retune(self, network: Network, name: str) -> bool:
         """Take over a block's new numbers; False if its compiled text has the old ones."""
 
+    def begin_again(
+        self, network: Network, changed: Collection[str], anew: Collection[str]
+    ) -> bool:
+        """Take over the numbers of a run that begins again; False if a new runner is needed.
+
+        ``changed`` are the blocks with other parameters, ``anew`` those that have started again.
+        """
+
     def integrate(self, scope: dict[str, Any]) -> bool:
         """Integrate the first tick, if that is compiled; ``scope`` are its variables."""
 

@@ -7,9 +7,9 @@ and the namespace in which the plan's text is executed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -75,20 +75,28 @@ class Start:
         for name, entry in self.network.entries.items():
             self.namespace[names.blocks[name]] = entry.block
             self.namespace[names.states[name]] = self.state.blocks[name]
-        for name in self._order():
-            self._block(name)
-        for record in self.plan.records:
-            if record.publisher:
-                self._record_tuning(record)
         for name, initial in names.initial.items():
-            state = self.state.blocks[name]
-            keys = [each.name for each in self.plan.states[name]]
-            copies = {key: getattr(state, key).copy() for key in keys}
-            self.namespace[initial] = SimpleNamespace(**copies)
-        for call in self.plan.evaluations:
-            if call.gate.once:
-                self.compute_constants(call)
+            shapes = {each.name: each.shape for each in self.plan.states[name]}
+            arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
+            self.namespace[initial] = SimpleNamespace(**arrays)
+        self.begin_again(self.network.entries)
         return self.namespace
+
+    def begin_again(self, names: Container[str]) -> None:
+        """Initialise these blocks, and compute what is constant of them."""
+        for name in self._order:
+            if name in names:
+                self._block(name)
+        for record in self.plan.records:
+            if record.publisher and record.block in names:
+                self._record_tuning(record)
+        for name, initial in self.program.names.initial.items():
+            # In place: compiled code has the addresses.
+            for key, array in vars(self.namespace[initial]).items():
+                array[...] = getattr(self.state.blocks[name], key)
+        for call in self.plan.evaluations:
+            if call.gate.once and call.block in names:
+                self.compute_constants(call)
 
     def solve(self) -> list[Problem]:
         """What the blocks that solve for what others publish find wrong; starts only those.
@@ -99,7 +107,7 @@ class Start:
         failed: set[str] = set()
         receive = {name: self.network.publications(name) for name in self.network.entries}
         publish = {source.block for found in receive.values() for _, source in found}
-        for name in self._order():
+        for name in self._order:
             sources = {source.block for _, source in receive[name]}
             if not (name in publish or sources) or sources & failed:
                 continue
@@ -114,6 +122,7 @@ class Start:
                     problems.append(Problem(entry.node.key, entry.address, str(error)))
         return problems
 
+    @cached_property
     def _order(self) -> list[str]:
         """Blocks by name; those that publish descriptions before the others."""
         outputs = {n: e.cls.spec.outputs.values() for n, e in self.network.entries.items()}

@@ -28,6 +28,7 @@ from runtime.engine.events import BEFORE, SEARCH
 from runtime.engine.loops import memory_shape
 from runtime.engine.program import Program
 from runtime.engine.solvers import controls
+from runtime.network import Network
 from runtime.plan import Plan
 
 Held = tuple[Any, ...]
@@ -200,11 +201,11 @@ class RunState:
         """Whether a block is computed together with others."""
         return name in self._place
 
-    def stacks(self) -> dict[str, Any]:
+    def stacks(self, network: Network) -> dict[str, Any]:
         """What computes equal blocks together, by its name in the plan's text."""
         found = {}
         for number, (members, arrays) in enumerate(self.rows.items()):
-            blocks = [self.program.network.entries[name].block for name in members]
+            blocks = [network.entries[name].block for name in members]
             states = [self.blocks[name] for name in members]
             found[f"stack_{number}"] = type(blocks[0]).stacked(blocks, states, arrays)
         return found

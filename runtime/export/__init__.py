@@ -1,10 +1,18 @@
 """A part of a graph as C for a microcontroller, with a test that replays a recorded run.
 
-``selection`` is what is exported, ``units`` the blocks' C text, ``step`` and ``files`` what is
-written around it, ``recording`` the run to compare with, ``report`` what it all needs.
+``selection`` is what is exported, ``units`` the blocks' C text, ``tuning`` what follows from their
+parameters, ``unchanged`` what is constant; ``files`` and ``library`` write around it,
+``recording`` is the run to compare with, ``report`` what it all needs.
 """
+
+from pathlib import Path
 
 from runtime.export.controller import Exported, export
 from runtime.export.targets import TARGETS, ExportTarget
 
-__all__ = ["TARGETS", "ExportTarget", "Exported", "export"]
+__all__ = ["TARGETS", "ExportTarget", "Exported", "export", "page_asset"]
+
+
+def page_asset(file: str) -> str:
+    """The text of a file that pages contain, as ``uplot.js``."""
+    return (Path(__file__).parent / "page" / file).read_text(encoding="utf-8")

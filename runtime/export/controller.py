@@ -40,7 +40,8 @@ class Exported:
     Parameters
     ----------
     folder : of the files. files : their names. report : as in report.txt.
-    inputs, outputs : of the controller.
+    inputs, outputs : of the controller. members : of each, the members of its struct in C with the
+        count of their numbers, 0 of a single number. learns : whether learning can be switched off.
     """
 
     folder: Path
@@ -48,6 +49,8 @@ class Exported:
     report: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    members: tuple[tuple[tuple[str, int], ...], ...] = ((), ())
+    learns: bool = False
 
 
 def export(
@@ -104,12 +107,15 @@ def export(
         place = own_folder(Path(folder))
         for file, content in files.items():
             write_whole(own_file(place / file), content)
-    ends = (tuple(map(".".join, ports)) for ports in (selection.inputs, selection.outputs))
-    return Exported(place, tuple(files), files["report.txt"], *ends)
+    inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
+    told = layout.members, bool(layout.learnt)
+    return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told)
 
 
-def layout_of(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout:
-    """The blocks' C text, with the values that they start with."""
+def layout_of(
+    graph: Graph, selection: Selection, name: str, hold: bool, loose: bool = False
+) -> Layout:
+    """The blocks' C text, with the values that they start with; the options are those of Layout."""
     program = graph.program()
     engine = Engine(program, graph.network.seed)
     engine.prepare()
@@ -124,7 +130,9 @@ def layout_of(graph: Graph, selection: Selection, name: str, hold: bool) -> Layo
     reset = {block: engine.namespace[copies] for block, copies in names.initial.items()}
     arena = max(units.reserved, UNMEASURED if units.open else 0)
     states = engine.state.blocks
-    return Layout(name, selection, units, plan, arrays, states, reset, constants, arena, hold)
+    return Layout(
+        name, selection, units, plan, arrays, states, reset, constants, arena, hold, loose
+    )
 
 
 def _measured(

@@ -153,17 +153,10 @@ def _outputs(layout: Layout, network: Network, recorded: Sequence[Signal]) -> It
 
 
 def _parameters(layout: Layout) -> Iterator[Variable]:
-    for (block, word), each in layout.parameters.items():
-        name = word.partition("_")[2]
-        declared = layout.selection.network.entries[block].cls.spec.params.get(name)
-        start = tuple(np.ravel(each.value).tolist())
-        own = word.startswith("self_") and declared is not None
-        unit = declared.unit if own and declared is not None else ""
-        doc = each.doc.partition(": ")[2]
-        yield Variable(
-            *(f"{block}.{name}", "parameter", each.name, 0, each.size, doc),
-            *("" if ", " in unit else unit, start),
-        )
+    for each in layout.parameters.values():
+        doc, start = each.doc.partition(": ")[2], tuple(np.ravel(each.value).tolist())
+        unit = "" if ", " in each.unit else each.unit
+        yield Variable(each.path, "parameter", each.name, 0, each.size, doc, unit, start)
 
 
 def description(

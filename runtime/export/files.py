@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from runtime.export.interface import C_TYPES, InterfaceText, literal, renamed, t
 from runtime.export.layout import Layout, comment
 from runtime.export.operations import MATH
 from runtime.export.pruning import pruned
-from runtime.export.templates import HEADER, SOURCE, TEST
+from runtime.export.templates import HEADER, LEARNT_FUNCTIONS, SOURCE, TEST, WEIGHTS
 from runtime.plan import Port
 
 HELPERS = {
@@ -39,6 +40,13 @@ HELPERS = {
         ),
     )
 }
+VERSION = 1  # of saved bytes
+HEAD = 12  # bytes that tell of which controller saved bytes are, and their check
+HELPERS["pick"] = """static double pick(bool condition, double one, double other)
+{
+    return condition ? one : other;
+}
+"""
 NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)(?![\w.])")
 LENGTH = re.compile(r"INLINE double length_of\(.*?\n\}\n", re.DOTALL)
 
@@ -63,6 +71,10 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         names = {port: layout.names[(*port, "held")] for port in selection.inputs}
         declared += [layout.declared(port, name) for port, name in names.items()]
     members = [
+        f"    double {member}__before[{size}]; /* while learning is off */"
+        for member, size in layout.learnt.items()
+    ]
+    members += [
         f"    {_c_type(v)} {member}[{v.size}];" for _, member, v in layout.states() if v.size
     ]
     text = HEADER.substitute(
@@ -83,8 +95,64 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         else "",
         wrong=_wrong(layout),
         learnt=comment(_learnt(layout)),
+        learning=_learning(layout),
+        head=HEAD,
+        end="arena_most" if layout.units.open else "arena",
+        example=next((one.path for one in layout.parameters.values()), "gain.gain"),
+        weights=WEIGHTS.substitute(
+            _saved(layout), learnt=comment(_learnt(layout)), upper=name.upper()
+        )
+        if layout.learnt
+        else "",
     )
     return single(text) if float32 else text
+
+
+def _learning(layout: Layout) -> str:
+    if not layout.learnt:
+        return ""
+    return "    bool learning; /* false: what was learnt stays as it is; init sets true */\n"
+
+
+def _saved(layout: Layout) -> dict[str, Any]:
+    """What the functions for what was learnt are written with."""
+    sizes = [f"sizeof ((struct {layout.name} *)0)->{member}" for member in layout.learnt]
+    return {
+        **{"name": layout.name, "head": HEAD, "count": len(layout.learnt)},
+        "size": " + ".join(sizes),
+    }
+
+
+def _learnt_parts(layout: Layout) -> str:
+    parts = [
+        f"    {{offsetof(struct {layout.name}, {m}), sizeof ((struct {layout.name} *)0)->{m}}},"
+        for m in layout.learnt
+    ]
+    return "\n".join(["static const struct part learnt[] = {", *parts, "};"]) if parts else ""
+
+
+def _digest(layout: Layout, float32: bool) -> str:
+    """What the layout of the memory and the constants are known by: saved bytes carry it.
+
+    Values that states and parameters begin with are left out: weights that an earlier export has
+    learnt are right in one that begins with others.
+    """
+    found = hashlib.sha256(repr((VERSION, layout.name, float32, layout.hold)).encode())
+    found.update(layout.plan.struct.text("plan").encode())
+    for one in layout.parameters.values():
+        found.update(repr((one.name, one.size)).encode())
+    for block, member, values in layout.states():
+        found.update(repr((block, member, values.dtype.kind, values.size)).encode())
+    arrays = {
+        (block, word): value
+        for block, text in layout.units.blocks.items()
+        for (word, _), value in zip(text.words, text.values, strict=True)
+        if (block, word) in layout.fixed and (block, word) not in layout.parameters
+    }
+    for (block, word), value in arrays.items():
+        if (block, word) not in layout.tuned:
+            found.update(repr((block, word)).encode() + value.tobytes())
+    return f"0x{found.hexdigest()[:16]}"
 
 
 def _parameters(layout: Layout) -> list[str]:
@@ -117,6 +185,7 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     name, writer = layout.name, InterfaceText(layout)
     plan = renamed("\n".join([*layout.plan.inner, layout.plan.text]), name)
     begun = [writer.begun(each) for each in layout.parameters.values()]
+    begun += ["    c->learning = true;"] if layout.learnt else []
     parts = {
         "learnt": [*begun, *writer.initial(kept=True)],
         "reset": writer.initial(kept=False),
@@ -124,8 +193,12 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
         "places": writer.places(),
         "checks": writer.checks(),
         "first": writer.failed(),
+        "tunables": writer.tunables(),
+        "before": writer.learning(kept=True),
+        "after": writer.learning(kept=False),
     }
     texts = {key: "\n".join(lines) for key, lines in parts.items()}
+    texts |= {key: f"{texts[key]}\n" if texts[key] else "" for key in ("before", "after")}
     statements = "\n".join(texts.values())
     helpers = [text for call, text in HELPERS.items() if f"{call}(" in statements]
     text = SOURCE.substitute(
@@ -143,6 +216,11 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
         measuring="\n    ctx.arena_most = c->arena_most;" if layout.units.open else "",
         unmeasured="    c->arena_most = 0;\n" if layout.units.open else "",
         messages="\n".join(f"        {_quoted(t)}," for _, t in layout.failures.values()),
+        head=HEAD,
+        end="arena_most" if layout.units.open else "arena",
+        digest=_digest(layout, float32),
+        learnt_parts=_learnt_parts(layout),
+        learnt_functions=LEARNT_FUNCTIONS.substitute(_saved(layout)) if layout.learnt else "",
     )
     text = re.sub(r"\n{3,}", "\n\n", _without_jumps(text))
     text = single(text) if float32 else text

@@ -108,8 +108,8 @@ def export_fmu(
     missing = [s.address for s in recorded if s.is_state or (s.end.block, s.end.port) not in there]
     notes += [f"not a variable: {each}, a constant or a state" for each in dict.fromkeys(missing)]
     report = _report(network.title, fmi, found, sum(map(len, files.values())), notes)
-    ends = any_of(found, "input"), any_of(found, "output")
-    return Exported(target, (f"{name}.fmu",), report, *map(tuple, ends))
+    inputs, outputs = tuple(any_of(found, "input")), tuple(any_of(found, "output"))
+    return Exported(target, (f"{name}.fmu",), report, inputs, outputs)
 
 
 def _token(fmi: int, layout: Layout) -> str:

@@ -71,7 +71,7 @@ def export_page(
     network = graph.network
     chosen = named_blocks(network, (), ())
     selection = select(network, graph.program().plan, chosen)
-    layout = layout_of(graph, selection, NAME, hold=False)
+    layout = layout_of(graph, selection, NAME, hold=False, loose=True)
     plots = shown(graph, selection.outputs, _constants(graph))
     if not plots.plots:
         raise UsageError("--to html: the graph has no plot that a page can draw; add a timeseries")

@@ -127,10 +127,12 @@ class InterfaceText:
         for (word, c_type), value, owned in zip(text.words, text.values, text.owned, strict=True):
             if isinstance(value, np.ndarray) and not value.size:
                 given = "NULL"
-            elif owned:
-                given = self.owned(block, word, c_type if value.dtype.kind == "u" else "")
+            elif (block, word) in self.layout.tuned:
+                given = self.followed(self.layout.tuned[block, word], c_type == "double")
             elif (block, word) in self.layout.parameters:
                 given = f"c->parameters.{self.layout.parameters[block, word].name}"
+            elif owned and (block, word) not in self.layout.fixed:
+                given = self.owned(block, word, c_type if value.dtype.kind == "u" else "")
             elif isinstance(value, np.ndarray):
                 name = self.table(f"table_{self.layout.names[block]}__{word}", value)
                 # The functions take pointers to what they could change; they do not change these.
@@ -140,6 +142,16 @@ class InterfaceText:
             yield f"            .{word} = {given},"
         if not text.words:
             yield "            .none = 0,"
+
+    @staticmethod
+    def followed(texts: tuple[str, ...], is_number: bool) -> str:
+        """What follows from parameters: a number, or the address of an array."""
+        if is_number:
+            return texts[0]
+        whole = texts[0].removesuffix("[0]")
+        if texts == tuple(f"{whole}[{i}]" for i in range(len(texts))):
+            return whole
+        return f"(double[]){{{', '.join(texts)}}}"
 
     def owned(self, block: str, word: str, c_type: str = "") -> str:
         """The address of an array in the controller's struct."""
@@ -167,6 +179,8 @@ class InterfaceText:
             return f"(double *){self.table(f'table_{name}', values)}" if values.size else "NULL"
         port = owner, item
         if port in layout.constants:
+            if texts := layout.constant_output(owner):
+                return self.followed(texts, is_number=False)
             values = np.atleast_1d(np.asarray(layout.constants[port], dtype=np.float64))
             return self.table(f"table_{name}", values)
         return self.given(port)
@@ -203,6 +217,24 @@ class InterfaceText:
             number, _ = self.layout.failures["state", member]
             wrong = f"{due}!{test}(c->{member}, {self.layout.sizes[member]})"
             yield f"    if ({wrong}) return c->failure = {number};"
+
+    def tunables(self) -> Iterator[str]:
+        """The rows of the table of parameters: name, place, count, bounds."""
+        at = 0
+        for one in self.layout.parameters.values():
+            bounds = f"{literal(one.low)}, {literal(one.high)}, "
+            bounds += ", ".join(map(literal, (one.is_above, one.is_below)))
+            yield f'        {{"{one.path}", {at}, {one.size}, {bounds}}},'
+            at += one.size
+        if not at:
+            yield '        {"", 0, 0, 0.0, 0.0, false, false},'
+
+    def learning(self, kept: bool) -> Iterator[str]:
+        """Keep what is learnt while learning is off, or put it back."""
+        pairs = [(f"c->{m}", f"c->{m}__before", n) for m, n in self.layout.learnt.items()]
+        for member, before, count in pairs:
+            to, source = (before, member) if kept else (member, before)
+            yield f"    if (!c->learning) set_numbers({to}, {source}, {count});"
 
     def failed(self) -> Iterator[str]:
         """The numbers of what may go wrong in a call of the plan."""

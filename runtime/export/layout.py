@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,10 +14,12 @@ from blocks.core import BlockState, SignalType
 from runtime.engine.compiled import PlanText
 from runtime.export.names import member_name, unused
 from runtime.export.selection import Selection
+from runtime.export.tuning import Followed, followed
+from runtime.export.unchanged import stored
 from runtime.export.units import Units
 from runtime.plan import Port, numbers_in
 
-LEARNT = ("weights",)  # states that a reset keeps
+LEARNT = ("weights", "bias", "inverse", "scaled_encoders", "theta")  # states that a reset keeps
 # Members of the struct beside signals and states.
 MEMBERS = frozenset(("tick", "failure", "arena", "arena_most", "none", "signals", "parameters"))
 ENGINE = ""  # instead of a block: the owner of the solver's memory
@@ -30,12 +33,21 @@ class Parameter:
     """A number of a block that may be changed while a controller runs.
 
     name : the member of the struct of parameters. doc : what it is.
-    value : what it begins with: a number, or a short array.
+    value : what it begins with: a number, or an array.
+    path : as a session names it, ``pid.kp``. unit : of its numbers.
+    low, high : its bounds; ``is_above``, ``is_below``
+        say whether they are themselves too small or too large.
     """
 
     name: str
     doc: str
     value: float | np.ndarray[Any, Any]
+    path: str = ""
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    is_above: bool = False
+    is_below: bool = False
 
     @property
     def size(self) -> int:
@@ -61,6 +73,8 @@ class Layout:
     constants : the values of constant outputs.
     arena : bytes for local arrays of blocks.
     hold : whether inputs that are not finite keep their last value, instead of a failure.
+    loose : whether all numbers of a step are parameters, also those that follow from others, and
+        none follows: a page computes what follows when it is written.
     """
 
     name: str
@@ -73,6 +87,7 @@ class Layout:
     constants: Mapping[Port, Any]
     arena: int
     hold: bool = False
+    loose: bool = False
 
     @cached_property
     def names(self) -> dict[Any, str]:
@@ -87,8 +102,10 @@ class Layout:
             ]
         )
         found: dict[Any, str] = {}
+        declared = (*selection.network.inputs.values(), *selection.network.outputs.values())
+        public = {(each.end.block, each.end.port): each.name for each in declared}
         for key in (*ports, *selection.blocks):
-            text = key if isinstance(key, str) else "_".join(key)
+            text = key if isinstance(key, str) else public.get((key[0], key[1])) or "_".join(key)
             found[key] = unused(member_name(text), taken)
         for block, unit in self.units.blocks.items():
             for (word, _), owned in zip(unit.words, unit.owned, strict=True):
@@ -131,7 +148,54 @@ class Layout:
 
     @cached_property
     def parameters(self) -> dict[tuple[str, str], Parameter]:
-        """The numbers that a step takes from the struct of parameters, by block and word."""
+        """The numbers that a step takes from the struct of parameters, by block and path or word.
+
+        Tunable parameters by path; by word, numbers that follow from a tunable parameter by what
+        only the graph computes, as a gain that an LQR solves for.
+        """
+        if self.loose:
+            return self._every_number()
+        found: dict[tuple[str, str], Parameter] = {}
+        taken: set[str] = set()
+        for block, follows in self.followed.items():
+            for one in follows.tunables:
+                of, unit = one.declared, f" ({one.declared.unit})" if one.declared.unit else ""
+                low, high = _bound(of.above, of.at_least, -1), _bound(of.below, of.at_most, 1)
+                value = one.value.item() if one.is_scalar else np.ravel(one.value)
+                path, doc = f"{block}.{one.path}", f"{block}.{one.path}: {of.doc}{unit}"
+                bounds = low[0], high[0], low[1], high[1]
+                made = Parameter(one.member, doc, value, path, of.unit, *bounds)
+                taken.add(one.member)
+                found[block, one.path] = made
+            sources: dict[str, list[str]] = {}
+            for path, words in follows.others.items():
+                for word in words:
+                    sources.setdefault(word, []).append(path)
+            for word, paths in sources.items():
+                value = self._settable(block, word)
+                if value is not None and (block, word) not in self.tuned:
+                    name = word.partition("_")[2]
+                    several = len(follows.others.get(name, ())) > 1
+                    name += "_in_step" * several  # one of the numbers that follow from it
+                    doc = f"{block}.{name}: the graph computes it from {', '.join(paths)}"
+                    member = unused(member_name(f"{block}_{name}"), taken)
+                    found[block, word] = Parameter(member, doc, value, f"{block}.{name}")
+        return found
+
+    def _settable(self, block: str, word: str) -> float | np.ndarray[Any, Any] | None:
+        """The value of a word that nothing in a step changes; None if it is no such number."""
+        text = self.units.blocks.get(block)
+        if text is None:
+            return None
+        for (each, c_type), value, owned in zip(text.words, text.values, text.owned, strict=True):
+            is_array = isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.size > 0
+            if each == word and (c_type == "double" or is_array):
+                is_fixed = not owned or (block, word) in self.fixed
+                return (value if is_array else float(value)) if is_fixed else None
+        return None
+
+    def _every_number(self) -> dict[tuple[str, str], Parameter]:
+        """The numbers of the blocks and their short arrays."""
         found: dict[tuple[str, str], Parameter] = {}
         taken: set[str] = set()
         for block, text in self.units.blocks.items():
@@ -147,12 +211,89 @@ class Layout:
                     found[block, word] = Parameter(member, f"{block}.{name}: {doc}", begun)
         return found
 
+    @cached_property
+    def followed(self) -> dict[str, Followed]:
+        """What follows from the tunable parameters of each block."""
+        if self.loose:
+            return {}
+        entries = self.selection.network.entries
+        attributes: dict[str, tuple[tuple[str, str], ...]] = {
+            block: self.units.kernels[block].inputs.attributes for block in self.units.blocks
+        }
+        for block, port in self.constants:
+            methods = [e.method for e in entries[block].block.evaluations if port in e.outputs]
+            alone = not entries[block].cls.spec.inputs and len(entries[block].cls.spec.outputs) == 1
+            if alone and block not in attributes:
+                attributes[block] = (("output", methods[0]),)
+        found = {}
+        for block, of in attributes.items():
+            if any(port.publishes for port in entries[block].cls.spec.outputs.values()):
+                continue  # others have read from it when they started
+            made = followed(block, entries[block].block, self.blocks[block], of)
+            words = {(block, word) for word in made.words}
+            if words & self._owned.keys() <= self.fixed:
+                found[block] = made
+        return found
+
+    def constant_output(self, block: str) -> tuple[str, ...]:
+        """The C of the numbers of an output that does not change but with its parameters."""
+        of = self.followed.get(block)
+        words = of.words.items() if of else ()
+        outputs = [texts for word, texts in words if word.startswith("output_")]
+        return tuple(text for texts in outputs for text in texts)
+
+    @cached_property
+    def tuned(self) -> dict[tuple[str, str], tuple[str, ...]]:
+        """The words that follow from parameters, with the C of their numbers, by block and word."""
+        return {
+            (block, word): texts
+            for block, follows in self.followed.items()
+            for word, texts in follows.words.items()
+        }
+
+    @cached_property
+    def fixed(self) -> frozenset[tuple[str, str]]:
+        """The arrays among the states that nothing in a step writes to, by block and word."""
+        pointers = self.plan.struct.pointers.values()
+        moving = {(owner, f"state_{item}") for kind, owner, item in pointers if kind == "state"}
+        moving |= self.others.keys()
+        for block, text in self.units.blocks.items():
+            moving |= {(block, word) for word in stored(self.units.text, text.prefix)}
+        arrays = {**self.others, **self._owned}
+        changed = [arrays[key] for key in moving if key in arrays]
+        return frozenset(
+            key
+            for key, array in self._owned.items()
+            if array.dtype.kind in "fib" and not self.loose
+            if not any(np.may_share_memory(array, other) for other in changed)
+        )
+
+    @cached_property
+    def _owned(self) -> dict[tuple[str, str], np.ndarray[Any, Any]]:
+        return {
+            (block, word): value
+            for block, text in self.units.blocks.items()
+            for (word, _), value, owned in zip(text.words, text.values, text.owned, strict=True)
+            if owned
+        }
+
     def kind(self, port: Port) -> SignalType:
         return self.selection.network.types[port]
 
     def count(self, port: Port) -> int:
         """How many numbers an output has."""
         return numbers_in(self.kind(port))
+
+    @property
+    def members(self) -> tuple[tuple[tuple[str, int], ...], ...]:
+        """The members for inputs and for outputs, with the lengths of arrays; 0: a number."""
+
+        def member(port: Port) -> tuple[str, int]:
+            is_number = self.kind(port).form == "scalar"
+            return self.names[port], 0 if is_number else self.count(port)
+
+        both = self.selection.inputs, self.selection.outputs
+        return tuple(tuple(map(member, ports)) for ports in both)
 
     def declared(self, port: Port, name: str = "") -> str:
         """The declaration of a signal's member, with what it is; a held one is an array."""
@@ -165,6 +306,11 @@ class Layout:
     def is_learnt(self, member: str) -> bool:
         """Whether a reset keeps a state."""
         return self.state_names[member] in LEARNT
+
+    @cached_property
+    def learnt(self) -> dict[str, int]:
+        """The members that a reset keeps, with how many numbers they have."""
+        return {member: v.size for _, member, v in self.states() if self.is_learnt(member)}
 
     @cached_property
     def failures(self) -> dict[tuple[str, ...], tuple[int, str]]:
@@ -226,12 +372,8 @@ class Layout:
     @cached_property
     def arrays(self) -> dict[tuple[str, str], np.ndarray[Any, Any]]:
         """The arrays of the blocks' states, by block and word."""
-        return {
-            (block, word): value
-            for block, text in self.units.blocks.items()
-            for (word, _), value, owned in zip(text.words, text.values, text.owned, strict=True)
-            if owned
-        } | self.others
+        moving = {key: each for key, each in self._owned.items() if key not in self.fixed}
+        return moving | self.others
 
     @cached_property
     def places(self) -> dict[tuple[str, str], tuple[str, int]]:
@@ -271,6 +413,13 @@ def _is_short(value: Any, owned: bool) -> bool:
     """Whether an array of a block is one that may be changed, and not a table."""
     is_array = isinstance(value, np.ndarray) and not owned and value.dtype.kind == "f"
     return is_array and 0 < value.size <= SHORT
+
+
+def _bound(open_: float | None, closed: float | None, sign: int) -> tuple[float, bool]:
+    """A bound, and whether it is itself out of bounds."""
+    if open_ is not None:
+        return open_, True
+    return (sign * math.inf if closed is None else closed), False
 
 
 def comment(text: str) -> str:

@@ -13,6 +13,7 @@ from blocks.extensions import Registry
 from runtime.export.controller import Exported, export
 from runtime.export.fmu import export_fmu
 from runtime.export.html import export_page
+from runtime.export.library import export_library
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class ExportTarget:
 
 OWN = {
     "c": ExportTarget("C99", export),
+    "library": ExportTarget("a shared library with a C header and a Python module", export_library),
     "fmu": ExportTarget("an FMU for co-simulation", export_fmu),
     "html": ExportTarget("one HTML file that simulates the graph", export_page),
 }

@@ -12,6 +12,7 @@ HEADER = Template(
 #define ${guard}
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #define ${upper}_DT ${dt} /* seconds between two steps */
@@ -26,7 +27,7 @@ struct ${name}_outputs {
 ${outputs}
 };
 
-/* Numbers that may be changed between two steps; init sets them. */
+/* Numbers that may be changed between two steps and act at the next one; init sets them. */
 struct ${name}_parameters {
 ${parameters}
 };
@@ -36,7 +37,7 @@ ${signals}
 struct ${name} {
     int64_t tick;
     int failure; /* 0: none; see ${name}_message */
-    struct ${name}_parameters parameters;
+${learning}    struct ${name}_parameters parameters;
     struct ${name}_signals signals;
 ${held}
     /* States of blocks. */
@@ -57,6 +58,21 @@ int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${na
 
 /* What a failure means. */
 const char *${name}_message(int failure);
+
+/* Set one number of a parameter by name, as "${example}", and the index in an array, 0 of a number.
+ * Returns 0; 1: there is no such parameter; 2: no such index; 3: it is out of bounds. */
+int ${name}_set(struct ${name} *c, const char *parameter, int index, double value);
+
+/* Read one. */
+int ${name}_get(const struct ${name} *c, const char *parameter, int index, double *value);
+
+/* Write everything but local arrays (${upper}_SAVED bytes) to memory, or go on from there; the
+ * place needs no alignment. Load returns 0, or 1 and leaves the controller as it is: the bytes are
+ * not those of this version of this controller, or damaged. */
+#define ${upper}_SAVED ((int)(${head} + offsetof(struct ${name}, ${end})))
+void ${name}_save(const struct ${name} *c, void *bytes);
+int ${name}_load(struct ${name} *c, const void *bytes);
+${weights}
 
 #endif
 """
@@ -94,6 +110,114 @@ ${learnt}
     ${name}_reset(c);
 }
 
+struct tunable {
+    const char *name;
+    int at, count;
+    double low, high;
+    bool is_above, is_below;
+};
+
+static const struct tunable tunables[] = {
+${tunables}
+};
+
+/* The parameter of a name; NULL if there is none. */
+static const struct tunable *tunable_of(const char *name)
+{
+    for (int i = 0; i < (int)(sizeof tunables / sizeof tunables[0]); i++) {
+        const char *one = tunables[i].name, *other = name;
+        while (*one && *one == *other) one++, other++;
+        if (*one == *other && tunables[i].count) return &tunables[i];
+    }
+    return NULL;
+}
+
+int ${name}_set(struct ${name} *c, const char *parameter, int index, double value)
+{
+    const struct tunable *const one = tunable_of(parameter);
+    if (!one) return 1;
+    if (index < 0 || index >= one->count) return 2;
+    if (!(one->is_above ? value > one->low : value >= one->low)) return 3;
+    if (!(one->is_below ? value < one->high : value <= one->high)) return 3;
+    *((double *)&c->parameters + one->at + index) = value;
+    return 0;
+}
+
+int ${name}_get(const struct ${name} *c, const char *parameter, int index, double *value)
+{
+    const struct tunable *const one = tunable_of(parameter);
+    if (!one) return 1;
+    if (index < 0 || index >= one->count) return 2;
+    *value = *((const double *)&c->parameters + one->at + index);
+    return 0;
+}
+
+/* Part of a controller's memory, from its begin. */
+struct part {
+    size_t begin, size;
+};
+
+static const struct part everything[] = {{0, offsetof(struct ${name}, ${end})}};
+${learnt_parts}
+/* The cyclic redundancy check of IEEE 802.3, of bytes. */
+static uint32_t check_of(uint32_t check, const unsigned char *bytes, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        check ^= bytes[i];
+        for (int k = 0; k < 8; k++) check = check >> 1 ^ (check & 1u ? 0xEDB88320u : 0u);
+    }
+    return check;
+}
+
+/* What saved bytes begin with: which layout of which controller, and their check. */
+static void head_of(unsigned char *head, uint64_t kind, uint32_t check)
+{
+    const uint64_t layout = UINT64_C(${digest}) ^ kind;
+    for (int i = 0; i < 8; i++) head[i] = (unsigned char)(layout >> 8 * i & 0xFF);
+    for (int i = 0; i < 4; i++) head[8 + i] = (unsigned char)(check >> 8 * i & 0xFF);
+}
+
+static void save_parts(
+    const struct ${name} *c, void *bytes, const struct part *parts, size_t count, uint64_t kind)
+{
+    unsigned char *to = (unsigned char *)bytes + ${head};
+    uint32_t check = 0xFFFFFFFFu;
+    for (size_t i = 0; i < count; i++) {
+        const unsigned char *const from = (const unsigned char *)c + parts[i].begin;
+        check = check_of(check, from, parts[i].size);
+        for (size_t k = 0; k < parts[i].size; k++) *to++ = from[k];
+    }
+    head_of(bytes, kind, check);
+}
+
+static int load_parts(
+    struct ${name} *c, const void *bytes, const struct part *parts, size_t count, uint64_t kind)
+{
+    const unsigned char *from = (const unsigned char *)bytes + ${head};
+    unsigned char head[${head}];
+    size_t size = 0;
+    for (size_t i = 0; i < count; i++) size += parts[i].size;
+    head_of(head, kind, check_of(0xFFFFFFFFu, from, size));
+    for (int i = 0; i < ${head}; i++) {
+        if (head[i] != ((const unsigned char *)bytes)[i]) return 1;
+    }
+    for (size_t i = 0; i < count; i++) {
+        unsigned char *const to = (unsigned char *)c + parts[i].begin;
+        for (size_t k = 0; k < parts[i].size; k++) to[k] = *from++;
+    }
+    return 0;
+}
+
+void ${name}_save(const struct ${name} *c, void *bytes)
+{
+    save_parts(c, bytes, everything, 1, 0);
+}
+
+int ${name}_load(struct ${name} *c, const void *bytes)
+{
+    return load_parts(c, bytes, everything, 1, 0);
+}
+${learnt_functions}
 int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${name}_outputs *out)
 {
     if (c->failure) return c->failure;
@@ -106,10 +230,10 @@ ${inputs}
     const struct places places = {
 ${places}
     };
-    const int64_t ended = ticks(&c->signals, &places, &ctx, c->tick, c->tick + 1, 0, 1);
+${before}    const int64_t ended = ticks(&c->signals, &places, &ctx, c->tick, c->tick + 1, 0, 1);
     if (ended) c->failure = failed(&ctx, ended);
     if (ended && ended != ${stopped}) return c->failure;
-${checks}
+${after}${checks}
     *out = made;
     c->tick++;${measured}
     return c->failure;
@@ -179,6 +303,29 @@ ${compares}
     printf("%d ticks, tolerance %.3g: %s\n", TICKS, TOLERANCE, wrong ? "WRONG" : "fine");
     fflush(stdout);
     return wrong != 0;
+}
+"""
+)
+
+WEIGHTS = Template(
+    r"""
+/* The same of what was learnt alone, ${upper}_LEARNT bytes: ${learnt}. */
+#define ${upper}_LEARNT ((int)(${head} + ${size}))
+void ${name}_save_learnt(const struct ${name} *c, void *bytes);
+int ${name}_load_learnt(struct ${name} *c, const void *bytes);
+"""
+)
+
+LEARNT_FUNCTIONS = Template(
+    r"""
+void ${name}_save_learnt(const struct ${name} *c, void *bytes)
+{
+    save_parts(c, bytes, learnt, ${count}, 1);
+}
+
+int ${name}_load_learnt(struct ${name} *c, const void *bytes)
+{
+    return load_parts(c, bytes, learnt, ${count}, 1);
 }
 """
 )

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from runtime.engine import silent
 from runtime.errors import GraphError, UsageError
 from runtime.experiments.design import Measurement, Range
 from runtime.experiments.execution import Note, engine_for
-from runtime.graph import Graph
+from runtime.graph import Graph, RepeatedRuns
 
 PROBE = "fitted_{}"
 RUNS = 30  # of a search, for each number that is looked for; only the choice of an engine needs it
@@ -57,6 +58,11 @@ class Run:
 
     graph: Graph
     series: tuple[Series, ...]
+
+    @cached_property
+    def repeated(self) -> RepeatedRuns:
+        """The runs with other values."""
+        return RepeatedRuns(self.graph)
 
 
 @dataclass
@@ -100,10 +106,7 @@ class Model:
         """
         found = []
         for run in self.runs:
-            graph = run.graph
-            for path, value in values.items():
-                graph = graph.set(path, value, origin="fit")
-            result = graph.run()
+            result = run.repeated.run(values, run.graph.network.seed, whole=False)
             self.count += 1
             for i, series in enumerate(run.series):
                 probe = PROBE.format(i)

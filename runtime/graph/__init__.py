@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from runtime.graph.content import Content, Examination, examine, examine_edit
     from runtime.graph.graph import Graph
     from runtime.graph.loading import load
+    from runtime.graph.repeating import RepeatedRuns
     from runtime.graph.replaying import is_session, open_session, resumable
 else:
     __getattr__ = door(__name__)
@@ -18,6 +19,7 @@ __all__ = [
     "Content",
     "Examination",
     "Graph",
+    "RepeatedRuns",
     "examine",
     "examine_edit",
     "is_session",

@@ -29,6 +29,7 @@ from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
 from runtime.network.network import Network, NetworkEntry, Wire, check_output
+from runtime.network.numbers import Numbers, is_number, structure
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.other_names import ours_for
 from runtime.network.ports import GraphOutput
@@ -50,6 +51,7 @@ __all__ = [
     "GraphOutput",
     "Network",
     "NetworkEntry",
+    "Numbers",
     "PortDeclaration",
     "ReportedError",
     "Scope",
@@ -67,6 +69,7 @@ __all__ = [
     "first_column",
     "fits",
     "follow",
+    "is_number",
     "is_range",
     "is_variadic",
     "missing_block",
@@ -78,6 +81,7 @@ __all__ = [
     "replace_block",
     "resets",
     "source_file",
+    "structure",
     "unknown_component",
     "update",
     "whole_shape",

@@ -260,6 +260,14 @@ def _definitions(
     return [*definitions, *inputs]
 
 
+def reconstructed(network: Network, entry: NetworkEntry, node: Node) -> Block | None:
+    """A block of a network with other parameters; None if they are wrong."""
+    definition = _Definition(entry.scope, entry.short, node, entry.cls)
+    problems = Problems()
+    block, _ = _construct(definition, network.signal_types, problems)
+    return None if problems.items else block
+
+
 def _seed(definition: _Definition, problems: Problems) -> int | None:
     """A block's own seed, or that of a part around it; None for the run's."""
     node = None if "seed" in definition.cls.spec.params else definition.node.get("seed")

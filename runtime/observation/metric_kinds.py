@@ -135,7 +135,12 @@ class MetricKind:
         world: World | None = None,
     ) -> float | None:
         """The metric of some series, with the options as written."""
-        options = self.options.read(written)
+        return self.measured(series, self.options.read(written), world)
+
+    def measured(
+        self, series: Mapping[str, Series], options: Mapping[str, Any], world: World | None = None
+    ) -> float | None:
+        """The metric of some series, with options that were read."""
         if options.get("expression"):
             series = {**series, "of": computed(series["of"], options["expression"])}
         if "target" not in options:  # else of the deviation from it

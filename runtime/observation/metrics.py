@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,11 @@ class Metric:
         """Its kind."""
         return METRIC_KINDS[self.kind] if self.own is None else self.own
 
+    @cached_property
+    def _read(self) -> dict[str, Any]:
+        """The options as numbers, read once for all trials of an experiment."""
+        return self.definition.options.read(self.options)
+
     def value(self, probes: Mapping[str, Series], world: World | None = None) -> float | None:
         """The metric's value; None if it has none (never settled, or not recorded)."""
         if not self.is_recorded(probes):
@@ -90,7 +96,7 @@ class Metric:
             # left out.
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].between(math.inf if engaged is None else engaged)
-        number = self.definition.value(series, self.options, world)
+        number = self.definition.measured(series, self._read, world)
         return None if number is None or math.isnan(number) else float(number)
 
     @property

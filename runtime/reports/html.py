@@ -7,13 +7,16 @@ In: strings, and markup made by this module. Out: markup::
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 VOID = ("br", "hr", "link", "meta")
 SPACES = "\n\t\u00a0\u202f"
-# A browser loads and runs nothing for a report, whatever the report contains.
+# A browser loads nothing for a report, and runs only our own script, if there is one, whatever the
+# report contains.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
@@ -126,6 +129,8 @@ def page(
     sections: Mapping[str, Html],
     folder: Path,
     found: str = "",
+    style: str = "",
+    script: str = "",
 ) -> str:
     """A whole HTML document.
 
@@ -137,15 +142,18 @@ def page(
     sections : contents by title, with links at the top; empty ones are left out.
     folder : of the subject, named in the last line.
     found : what came out, in a sentence or two.
+    style, script : beside those of all pages; no other script than this one runs.
     """
-    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8") + style
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = POLICY + (f"; script-src 'sha256-{digest}'" if script else "")
     shown = {title: content for title, content in sections.items() if content}
     links = [element("a", title, href=f"#{_anchor(title)}") for title in shown]
     head = element(
         "head",
         element("meta", charset="utf-8"),
         element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        element("meta", http_equiv="Content-Security-Policy", content=POLICY),
+        element("meta", http_equiv="Content-Security-Policy", content=policy),
         element("title", f"{title} · {kind}"),
         # Without one, a browser asks the server for an icon.
         element("link", rel="icon", href="data:,"),
@@ -165,6 +173,7 @@ def page(
         "\n",
         element("main", *(join(_section(*item), "\n") for item in shown.items())),
         element("footer", element("p", f"Made by runtime report from {folder.resolve().name}.")),
+        Html(f"<script>{script}</script>") if script else Html(""),
     )
     return f'<!doctype html>\n<html lang="en">\n{head}\n{body}\n</html>\n'
 

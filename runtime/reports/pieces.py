@@ -20,6 +20,7 @@ from runtime.runs import RESOLVED
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+SCALE = 1.25  # pixels of a figure for each point: type of 9 points has 11 pixels
 LEGIBLE = 0.62  # of a diagram's natural width: narrower, its text is too small to read
 WIDE = 800.0  # pixels: a wider diagram extends beyond the column of text
 BROAD = 1200.0  # pixels: a wider diagram is printed on its own page in landscape
@@ -95,7 +96,10 @@ def probability(p: float | None) -> str:
 
 def plot(figure: Figure, name: str, caption: str, *, wide: bool = False) -> Html:
     """A figure with its caption; a wide one takes the full width of the page."""
-    drawing = figure_svg(figure, name, caption)
+    # All figures have the same scale, so that type has one size; a narrow screen shrinks them.
+    width = SCALE * 72.0 * float(figure.get_figwidth())
+    svg = figure_svg(figure, name, caption)
+    drawing = Html(svg.replace('style="', f'style="width: {width:.0f}px; ', 1))
     frame = scrolling(drawing, caption, "plot full" if wide else "plot")
     return element("figure", frame, element("figcaption", caption), id=name)
 

@@ -10,12 +10,21 @@ from runtime.compare import text_of
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
 from runtime.files import is_number
-from runtime.observation import Recording, RunData
-from runtime.reports import pieces
+from runtime.observation import PlotSpec, Recording, RunData
+from runtime.plots import symbol
+from runtime.reports import pieces, zoom
 from runtime.reports.findings import of_run
 from runtime.reports.html import Html, bullets, element, facts, join, page, table
 from runtime.runs import DIAGRAM, RESOLVED, pacing_text, read_run, run_folder
 
+NAMES = 6  # that a caption lists; of more columns, it names the signals
+KINDS = {
+    "timeseries": " over time",
+    "trajectory": " in the plane",
+    "spectrum": ", power over frequency",
+    "raster": ", a mark for each spike",
+    "heatmap": " over time, values as colours",
+}
 STATUS = {"complete": "good", "stopped": "good", "interrupted": "warn", "failed": "bad"}
 
 
@@ -40,8 +49,11 @@ def run_report(path: Path) -> str:
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
     }
+    has_charts = 'class="zoom"' in sections["Figures"]
     return page(
-        "Run", result.title, _lead(result), _facts(result), sections, folder, of_run(result)
+        *("Run", result.title, _lead(result), _facts(result), sections, folder, of_run(result)),
+        style=zoom.style() if has_charts else "",
+        script=zoom.script() if has_charts else "",
     )
 
 
@@ -149,18 +161,24 @@ def _figures(result: RunData) -> Iterator[Html]:
     from runtime.plots import draw
 
     for i, spec in enumerate(result.plots):
-        shown = ", ".join(a for name in spec.of for a in _addresses(result, name))
         try:
             figure = draw(spec, result)
         except UsageError as error:
             yield element("p", f"{spec.name} is not drawn: {error}", class_="soft")
             continue
-        yield pieces.plot(figure, f"figure-{i + 1}", f"{spec.kind} of {shown}")
+        yield pieces.plot(figure, f"figure-{i + 1}", _caption(spec, result))
+        yield zoom.charts(spec, result)
 
 
-def _addresses(result: RunData, probe: str) -> list[str]:
-    recorded = result.probes.get(probe)
-    return list(recorded.addresses) if recorded is not None else [probe]
+def _caption(spec: PlotSpec, result: RunData) -> str:
+    """What a figure shows, in words: "Tracking errors: distance to line and heading error"."""
+    recorded = [result.probes[name] for name in spec.of if name in result.probes]
+    names = [name for each in recorded for name in each.display_names]
+    labels = [str(label) for label in spec.options.get("labels", ())]
+    shown = list(dict.fromkeys(labels or (map(symbol, names) if len(names) <= NAMES else spec.of)))
+    words = ", ".join(shown[:-1]) + " and " * (len(shown) > 1) + "".join(shown[-1:])
+    title = spec.title.rstrip(".")
+    return f"{title}: {words}{KINDS.get(spec.kind, '')}." if words else f"{title}."
 
 
 def _diagram(folder: Path, result: RunData) -> Html:

@@ -78,20 +78,24 @@ def simulate(
     folder: Path | None = None,
     checkpoints: Checkpoints | None = None,
     pacing: Pacing | None = None,
+    engine: Engine | None = None,
+    whole: bool = True,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
     ``note`` is called with messages for the user, such as what is compiled. ``profile`` collects
     the time per block under the Python engine. ``folder`` holds recordings that are larger than
     the graph's ``run.memory``, and those of a run with ``checkpoints``; a temporary folder by
-    default. ``pacing`` lets ticks wait for the clock.
+    default. ``pacing`` lets ticks wait for the clock. ``engine`` is one for this graph at tick 0.
+    ``whole`` tells whether the result shall have all that a folder needs, or probes and metrics.
     """
     network, program = graph.network, graph.program
     began = datetime.now().astimezone()
-    runner = chosen_runner(network, note) if profile is None else None
     # What is kept of a run without end is in memory.
     folder = folder if network.keep is None else None
-    engine = Engine(program, network.seed, runner, note, profile, folder)
+    if engine is None:
+        runner = chosen_runner(network, note) if profile is None else None
+        engine = Engine(program, network.seed, runner, note, profile, folder)
     if program.gathered:
         if not program.growing:
             note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
@@ -101,7 +105,7 @@ def simulate(
     if checkpoints is not None:
         progress = checkpoints.begin(engine, progress)
     outcome = engine.run(progress, None if pacing is None else partial(pacing.advance, engine))
-    result = result_of(graph, engine, outcome, began)
+    result = result_of(graph, engine, outcome, began, whole)
     if pacing is not None:
         pacing.end(result)
     if checkpoints is not None:
@@ -114,8 +118,10 @@ def simulate(
     return result
 
 
-def result_of(graph: PreparedRun, engine: Engine, outcome: Outcome, began: datetime) -> Result:
-    """What a run has shown so far, with its metrics."""
+def result_of(
+    graph: PreparedRun, engine: Engine, outcome: Outcome, began: datetime, whole: bool = True
+) -> Result:
+    """What a run has shown so far, with its metrics; ``whole`` as for :func:`simulate`."""
     network, program, observation = graph.network, graph.program, graph.program.observation
     probes = {
         name: _recording(
@@ -131,6 +137,10 @@ def result_of(graph: PreparedRun, engine: Engine, outcome: Outcome, began: datet
     metrics, failures, unclear = evaluate(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
+    if not whole:
+        result = Result(network.title, probes, metrics, [], _ended(outcome))
+        result.failures = failures
+        return result
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
     notes += _unlocated(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
@@ -307,16 +317,11 @@ def _manifest(
         "graph": network.title,
         "source": str(graph.source) if graph.source else None,
         "read": read,
-        "status": outcome.status,
-        "error": str(outcome.error) if outcome.error else None,
+        **_ended(outcome),
         "seed": network.seed,
         "dt": network.dt,
         "until": network.until,
         "time_unit": network.time_unit,
-        "ticks": outcome.ticks,
-        "stopped_at": outcome.stopped_at,
-        "engine": outcome.engines,
-        "engine_notes": outcome.notes,
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
         # The first tick runs in Python under either engine and is not counted.
@@ -328,6 +333,18 @@ def _manifest(
         "order": _order(graph.program),
         "notes": notes,
         "versions": {**versions(), **_compiler(outcome.engine)},
+    }
+
+
+def _ended(outcome: Outcome) -> dict[str, Any]:
+    """How a run ended."""
+    return {
+        "status": outcome.status,
+        "error": str(outcome.error) if outcome.error else None,
+        "ticks": outcome.ticks,
+        "stopped_at": outcome.stopped_at,
+        "engine": outcome.engines,
+        "engine_notes": outcome.notes,
     }
 
 

@@ -33,6 +33,7 @@ from runtime.errors import SimulationError, UsageError
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.network import Network
 from runtime.runs import (
+    Pacing,
     PreparedRun,
     Result,
     chosen_runner,
@@ -105,6 +106,7 @@ class Session:
         # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
         self._unwritten: dict[str, Any] = {}
         self._failed: SimulationError | None = None
+        self._pacing: Pacing | None = None  # of the last time in real time
         self._begin(self._prepared(graph))
 
     # Time
@@ -137,8 +139,16 @@ class Session:
         """The changes that led to the present state, in order."""
         return tuple(self._log)
 
-    def run(self, seconds: float) -> Session:
+    def run(
+        self, seconds: float, *, real_time: bool = False, speed: float | None = None
+    ) -> Session:
         """Let time pass, rounded to whole ticks, or until ``run.stop`` is met; returns itself.
+
+        Parameters
+        ----------
+        real_time : each tick waits until it is due by the clock, from this call on; how late they
+            were is in the manifest of the result, as ``real_time``.
+        speed : seconds of the graph in one second of the clock, 1 by default.
 
         Raises
         ------
@@ -149,10 +159,19 @@ class Session:
         ticks = seconds / self._engine.network.dt if number else math.nan
         if not (math.isfinite(ticks) and ticks >= 0.0):
             raise UsageError(f"expected a time of at least 0 to run, got {seconds!r}")
-        return self.step(round(ticks))
+        if speed is not None and not real_time:
+            raise UsageError("speed: is for runs that wait for the clock; add real_time=True")
+        pacing = Pacing(1.0 if speed is None else speed) if real_time else None
+        self._advance(round(ticks), pacing)
+        self._pacing = pacing or self._pacing
+        return self
 
     def step(self, ticks: int = 1) -> Session:
         """Do some ticks; returns itself."""
+        self._advance(ticks)
+        return self
+
+    def _advance(self, ticks: int, pacing: Pacing | None = None) -> None:
         self._check()
         if not isinstance(ticks, (int, np.integer)) or ticks < 0:
             raise UsageError(f"expected a number of ticks of at least 0, got {ticks!r}")
@@ -161,12 +180,14 @@ class Session:
             self._extend(last)
         try:
             with BetweenTicks() as interrupts:
-                self._engine.advance(last, interrupts.check, at_once=False)
+                if pacing is None:
+                    self._engine.advance(last, interrupts.check, at_once=False)
+                else:
+                    pacing.advance(self._engine, last, interrupts.check)
         except SimulationError as error:
             self._failed = error
             error.result = self.result()
             raise
-        return self
 
     def _check(self) -> None:
         """Raise the failure that left a tick half done; a snapshot can be restored."""
@@ -317,7 +338,7 @@ class Session:
     def branch(self) -> Session:
         """Another session that goes on from here, independent of this one."""
         other = Session.__new__(Session)
-        other.first, other._began = self.first, self._began
+        other.first, other._began, other._pacing = self.first, self._began, self._pacing
         saved = self.snapshot()
         other._log, other._graph, other._unwritten = list(saved.log), saved.graph, {}
         engine = self._prepared(saved.graph)
@@ -335,7 +356,10 @@ class Session:
         prepared, outcome = self.graph.prepared(growing=True), self._engine.finish()
         if self._failed is not None:
             outcome.status, outcome.error = "failed", self._failed
-        return result_of(prepared, self._engine, outcome, self._began)
+        result = result_of(prepared, self._engine, outcome, self._began)
+        if self._pacing is not None:
+            self._pacing.end(result)
+        return result
 
     def save(self, folder: str | Path) -> Path:
         """Write the session into a folder that must not exist yet; returns the folder.

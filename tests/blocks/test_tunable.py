@@ -25,11 +25,12 @@ from blocks import (
     Scalar,
     UnitDelay,
 )
-from blocks.core import retune, started, state_shape
+from blocks.core import retune, started
 from blocks.registry import BUILTIN
 from runtime.checking.bench import Bench
 from runtime.checking.check import context_for
 from runtime.compiler import NotCompilableError, calls_of, make_kernel
+from runtime.network import structure
 from tests.runtime.engine.test_compiled_blocks import CASES, Case
 
 TICKS = 12
@@ -101,16 +102,6 @@ def pairs(name: str, parameter: str) -> Iterator[tuple[Case, Block]]:
 
 def case_context(case: Case, block: Block) -> Any:
     return context_for(block, case.types, case.dt, case.world)
-
-
-def structure(block: Block, context: Any) -> list[Any]:
-    """What a plan reads of a block."""
-    shapes = [state_shape(block, each, context) for each in block.spec.states.values()]
-    kinds = [block.port_type(name) for name in block.spec.ports]
-    said = (block.evaluations, block.indirect, block.recalls, block.stepwise, block.jumps)
-    edges = np.asarray(block.edges(100.0)).tolist()
-    found = [*said, *block.crossings(context), block.sizes(), block.variables, edges, shapes, kinds]
-    return [repr(each) for each in (*found, block.couplings(context), block.state_names)]
 
 
 @pytest.mark.parametrize(("name", "parameter"), NAMES)

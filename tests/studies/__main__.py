@@ -54,7 +54,7 @@ Gains Q = (10, 10, 1), R = I, over seeds {first} to {final}. The learning rate o
 was chosen on seeds 0 to 3: the best of ten variants (what its neurons represent, learning rate,
 radius), compared at half of the turn rate, the condition of C1. LQR and feedforward had no such
 choice. An earlier variant had been looked at on seeds 10 to 13 as well. The robust rule was tuned
-on seeds 0 and 1 of all three cases, see [comparison.md](comparison.md).
+on seeds 0 and 1 of all three cases by `runtime tune tests/studies/settings/one_setting.yaml`.
 
 All errors are means of |distance to the nearest surface - 180 mm| in mm, from when the
 contour is first reached to the end of the run (130 s, a loop and about a fifth). "Along cylinders"

@@ -20,7 +20,7 @@ CASES = {
 # address, what it is, and how the value was found.
 OURS = "ours; what else was tried was not recorded"
 TUNED = "by hand, on seeds 0 to 9"
-SEARCHED = "by `runtime tune` over A, B and C together, 60 trials: comparison.md"
+SEARCHED = "by `runtime tune` over A, B and C together, 60 trials: tests/studies/settings"
 TUNED_C = "by hand, on seeds 0 to 3; for the printed rule the best of ten variants"
 BY_HAND = f"A, B: {TUNED}; C: {TUNED_C}; robust: ours"
 BY_BOTH = f"A, B: {TUNED}; C: {TUNED_C}; robust: {SEARCHED}"

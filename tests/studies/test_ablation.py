@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import runtime
 from runtime.document.loader import SHIPPED
@@ -96,7 +97,7 @@ def test_all_variants_build_and_can_be_compared(configuration: Configuration, ru
         assert all(graph.to_dict() != found[name] for name, graph in graphs.items())
 
 
-# A contestant of docs/comparison.md with its task, and the variant that has its settings.
+# A tuning of tests/studies/settings, and the variant that has its settings.
 COMPARED = {
     "LQR": TUNED,
     "LQR, feedforward tuned": FED,
@@ -114,19 +115,17 @@ def experiment(configuration: Configuration, rule: str) -> tuple[GraphVariant, .
 
 @pytest.mark.slow
 def test_settings_of_the_trackers_are_those_that_were_found() -> None:
-    text = (SHIPPED.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
+    found = yaml.safe_load((Path(__file__).parent / "settings" / "found.yaml").read_text())
     tasks = {"line": LINE, "sine": SINE, "gentle": IDEAL}
-    rows = re.findall(r"^\| (.*?) \| (\w+) \| \d+ \| \d+ \| (.*) \|$", text, re.M)
-    wanted = [row for row in rows if row[0] in COMPARED and row[1] in tasks]
+    wanted = [(task, name) for task in tasks for name in found[task]]
     assert len(wanted) == 4 * len(tasks) + 1
-    for (name, task, values), rule in itertools.product(wanted, RULES):
+    for (task, name), rule in itertools.product(wanted, RULES):
         graph = next(v.graph for v in experiment(tasks[task], rule) if v.name == COMPARED[name])
         blocks = graph.to_dict()["blocks"]
-        for pair in values.split(", "):
-            path, value = pair.split(" = ")
+        for path, value in found[task][name].items():
             block, key = PLACES.get(path, path).split(".")
-            found = blocks[block]["q"][int(key)] if key.isdigit() else blocks[block][key]
-            assert found == float(value), (name, task, rule, path)
+            held = blocks[block]["q"][int(key)] if key.isdigit() else blocks[block][key]
+            assert held == value, (name, task, rule, path)
 
 
 @cache

@@ -22,7 +22,7 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
     parser.add_argument("folder", metavar="DIR", help="folder for the files")
-    targets = "c: C99; html: a page that simulates; fmu: an FMU for co-simulation"
+    targets = "c: C99; library: compiled, for Python and C; fmu: an FMU; html: a page"
     parser.add_argument("--to", default="c", metavar="TARGET", help=targets)
     for flag, place, text in (
         ("--block", "blocks", "a block or part to export"),

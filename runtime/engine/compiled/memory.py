@@ -43,6 +43,7 @@ class Words:
 
     def fill(self, values: tuple[Any, ...]) -> None:
         """Store a block's fields in the order of its struct."""
+        self.kept.clear()
         for at, value in enumerate(flattened(values)):
             if isinstance(value, float):
                 self.floats[at] = value
@@ -73,6 +74,12 @@ class Context(Words):
     def __init__(self) -> None:
         super().__init__(len(CONTEXT))
         self.arena = np.empty(ARENA, dtype=np.uint8)
+        self.begin()
+
+    def begin(self) -> None:
+        """What it is before the first tick."""
+        self.ints[:] = 0
+        self.kept.clear()
         self.point(CONTEXT.index("arena"), self.arena)
         self.ints[CONTEXT.index("arena_size")] = ARENA
         self.ints[CONTEXT.index("failure")] = -1

@@ -214,9 +214,26 @@ class CompiledRunner:
 
     def retune(self, network: Network, name: str) -> bool:
         """Take over a block's new numbers; False if its compiled text has the old ones."""
+        return not self._is_called(name) and self._take_over(network, name)
+
+    def begin_again(
+        self, network: Network, changed: Collection[str], anew: Collection[str]
+    ) -> bool:
+        """Take over the numbers of a run that begins again; False if a new runner is needed."""
+        if any(map(self._is_called, changed)):
+            return False
+        self.memory.begin()
+        return all(self._take_over(network, name) for name in anew)
+
+    def _is_called(self, name: str) -> bool:
+        """Whether a block is called from Python in a tick."""
+        return name not in self.kernels.compiled and any(
+            not call.gate.once for call in self._calls(name)
+        )
+
+    def _take_over(self, network: Network, name: str) -> bool:
+        """Take over a block's numbers; False if its compiled text has the old ones."""
         block, kernel = network.entries[name].block, self.kernels.compiled.get(name)
-        if kernel is None and any(not call.gate.once for call in self._calls(name)):
-            return False  # it is called from Python
         if kernel is not None and not kernel.fits(block, self.context.states[name]):
             return False
         self.network = network

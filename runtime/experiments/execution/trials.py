@@ -12,6 +12,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from runtime.document import dump_yaml, flow_yaml
@@ -50,8 +51,9 @@ class GraphBundle:
         """The contents of the files that the graph names, by name."""
         return dict(self.beside)
 
-    @property
+    @cached_property
     def digest(self) -> str:
+        """A hash of the text and of the files."""
         content_hash = hashlib.sha256(self.text.encode("utf-8", "backslashreplace"))
         for name, content in self.beside:
             content_hash.update(json.dumps([name, len(content)]).encode() + content)

@@ -14,7 +14,9 @@ import math
 import shutil
 import tempfile
 import time
+from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -26,11 +28,11 @@ from blocks.core import FloatArray
 from runtime.document import parse_yaml, rename_files, with_folder
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective, shown_probe
-from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
+from runtime.experiments.execution.trials import GraphBundle, Trial
 from runtime.files import write_whole
-from runtime.graph import Graph, load
+from runtime.graph import Graph, RepeatedRuns, load
 from runtime.observation import CRASHED, Metric
-from runtime.runs import Result, simulate
+from runtime.runs import Result
 from runtime.streaming import row_blocks
 
 Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
@@ -38,7 +40,9 @@ Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 Record = Literal["metrics", "trajectory", "all"]
 TRAJECTORY_PLOTS = ("trajectory", "map")
 POINTS = 1000  # rows of a signal that a figure shows over time
-CACHED_GRAPHS = 4  # the trials of a configuration are consecutive, so few are in use at a time
+CACHED_GRAPHS = 4  # the trials of a graph are consecutive, so few are in use at a time
+# The graph that ran last; its engine holds a recording, so that one is enough.
+_idle: deque[RepeatedRuns] = deque(maxlen=1)
 
 
 @dataclass(frozen=True)
@@ -105,48 +109,61 @@ class Deadline:
 def run_task(task: Task) -> TrialResult:
     """Run a trial; any error is part of the result."""
     deadline = Deadline(task.timeout)
-    status: Status = "ok"
-    reason, result = "", None
-    try:
-        result = _simulate(task, deadline)
-        if result.status not in ("complete", "stopped"):
-            # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
-            status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
-        else:
-            # What a single run has as a note: its numbers are not those of the compiled engine.
-            reason = "; ".join(result.manifest["engine_notes"])
-    except GraphError as error:
-        status, reason = "invalid", str(error)
-    except SimulationError as error:
-        status, reason = "failed", str(error)
-        result = error.result if isinstance(error.result, Result) else None
-    except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
-        status, reason = "failed", f"{type(error).__name__}: {error}"
+    status, reason, result, runs = _ended(task, deadline)
     if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
-    measured = _metrics(task.trial.configuration) if result is not None else []
+    measured = [] if runs is None or result is None else runs.metrics
     metrics = {} if result is None else _values(measured, result, status)
+    is_kept = status in task.keep and _is_wanted(task, metrics)
     # The worker's temporary folder of files means nothing to users.
     reason = reason.replace(f"{_file_folder(task.trial.configuration.bundle)}/", "")
-    return TrialResult(
+    done = TrialResult(
         status=status,
         reason=one_line(reason.strip().replace("\n", "; ")),
         metrics=metrics,
         wall_s=deadline.spent,
-        result=result if status in task.keep and _is_wanted(task, metrics) else None,
+        result=result if is_kept else None,
         signals={} if result is None or status != "ok" else _signals(measured, result),
         series={} if result is None else dict(_series(task.signals, result)),
     )
+    # The next run overwrites what this one has recorded.
+    if runs is not None and not is_kept:
+        _idle.append(runs)
+    return done
+
+
+def _ended(
+    task: Task, deadline: Deadline
+) -> tuple[Status, str, Result | None, RepeatedRuns | None]:
+    """How a trial ended and why, with its result and the runs of its graph, as far as it came."""
+    runs = None
+    try:
+        runs = _taken(task)
+        values, seed = _values_of(task.trial.configuration.edits), task.trial.seed
+        result = runs.run(values, seed, deadline, whole=bool(task.keep))
+    except GraphError as error:
+        return "invalid", str(error), None, runs
+    except SimulationError as error:
+        return (
+            "failed",
+            str(error),
+            error.result if isinstance(error.result, Result) else None,
+            runs,
+        )
+    except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
+        return "failed", f"{type(error).__name__}: {error}", None, runs
+    if result.status not in ("complete", "stopped"):
+        # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
+        reason = f"a block raised KeyboardInterrupt at tick {result.ticks}"
+        return "failed", reason, result, runs
+    # What a single run has as a note: its numbers are not those of the compiled engine.
+    return "ok", "; ".join(result.manifest["engine_notes"]), result, runs
 
 
 def run_tasks(tasks: Sequence[Task]) -> list[TrialResult]:
     """Run several trials, one after the other."""
     return [run_task(task) for task in tasks]
-
-
-def _metrics(configuration: Configuration) -> list[Metric]:
-    return _build(configuration.bundle, configuration.edits).observation.metrics
 
 
 def _values(metrics: list[Metric], result: Result, status: Status) -> dict[str, float | None]:
@@ -210,12 +227,21 @@ def _is_wanted(task: Task, metrics: dict[str, float | None]) -> bool:
     return cost is not None and cost < bound
 
 
-def _simulate(task: Task, deadline: Deadline) -> Result:
-    configuration = task.trial.configuration
-    graph = _build(configuration.bundle, configuration.edits).with_seed(task.trial.seed)
-    plots = {"metrics": (), "trajectory": TRAJECTORY_PLOTS, "all": None}[task.record]
-    plots = None if task.signals else plots
-    return simulate(graph.prepared(plots), deadline)
+def _plots(task: Task) -> tuple[str, ...] | None:
+    """The kinds of plots whose signals are recorded; None for all."""
+    if task.signals:
+        return None
+    return {"metrics": (), "trajectory": TRAJECTORY_PLOTS, "all": None}[task.record]
+
+
+def _taken(task: Task) -> RepeatedRuns:
+    """The runs of a task's graph, which no other thread has until they are put back."""
+    bundle, plots = task.trial.configuration.bundle, _plots(task)
+    with suppress(IndexError):
+        idle = _idle.pop()
+        if idle.key == (bundle, plots):
+            return idle
+    return RepeatedRuns(_load(bundle), plots, (bundle, plots))
 
 
 @lru_cache(CACHED_GRAPHS)
@@ -227,20 +253,6 @@ def _load(bundle: GraphBundle) -> Graph:
         plain = rename_files(plain, lambda _, path: str(folder / path))
         plain = with_folder(plain, folder, bundle.files)
     return load(plain)
-
-
-@lru_cache(CACHED_GRAPHS)
-def _build(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
-    """A graph with its network, which all seeds of a configuration share.
-
-    What the graph before was made of is used again as far as it is the same. Loops are found when
-    the run is planned, which records less than the graph does.
-    """
-    graph = _load(bundle)
-    for path, cell in edits:
-        graph = graph.set(path, parse_yaml(cell, path).plain(), origin=path)
-    _ = graph.network  # raises what is wrong
-    return graph
 
 
 @lru_cache(1)
@@ -263,3 +275,9 @@ def _write_files(bundle: GraphBundle) -> Path:
         if not target.exists():
             write_whole(target, content)
     return folder
+
+
+@lru_cache(1)
+def _values_of(edits: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    """What a configuration sets, by path; the same for all of its seeds."""
+    return {path: parse_yaml(cell, path).plain() for path, cell in edits}

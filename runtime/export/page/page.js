@@ -1,6 +1,9 @@
 "use strict";
 // The simulation is a WebAssembly module; this script steps it, and draws what it returns.
-const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#e69f00"];
+// A change of appearance loads the page again.
+const COLOURS = matchMedia("(prefers-color-scheme: dark)").matches
+  ? ["#56b4e9", "#e69f00", "#2fc79b", "#e69bc3", "#d9c54a", "#9db7e8", "#ff8f66"]
+  : ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#e69f00"];
 const BUDGET = 12;  // ms of computation between two frames
 const byId = (id) => document.getElementById(id);
 const token = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

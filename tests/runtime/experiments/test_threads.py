@@ -82,7 +82,7 @@ def tasks(folder: Path, engine: str) -> list[Task]:
 def forget() -> None:
     """Have graphs and modules read again, by all threads at once."""
     worker._load.cache_clear()
-    worker._build.cache_clear()
+    worker._idle.clear()
     for name in [name for name in sys.modules if name.startswith("_blocks_of_")]:
         del sys.modules[name]
 

@@ -16,7 +16,7 @@ import runtime
 from runtime.errors import UsageError
 from runtime.export.html import export_page
 from runtime.export.shown import plain
-from tests.browser import FLAGS, browser, find
+from tests.browser import FLAGS, Driven, browser, find
 
 needs_ziglang = pytest.mark.skipif(find_spec("ziglang") is None, reason="needs the extra compiler")
 # Waits until the first run has ended, moves a slider as a hand does, and waits for the second.
@@ -143,6 +143,34 @@ def test_a_slider_of_an_input_is_what_a_session_writes(tmp_path: Path) -> None:
         names = columns(tmp_path / made.files[0])
         found = np.array(said[key][names.index("cart.angle[0]")])
         np.testing.assert_allclose(found, angle[: len(found)], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.slow
+@needs_ziglang
+def test_dragging_a_slider_changes_the_curve_to_that_of_a_run(tmp_path: Path) -> None:
+    graph = runtime.load("gallery/van_der_pol")
+    made = export_page(graph, tmp_path, slider=["force.constants.damping=0..2"])
+    page = Driven(tmp_path / made.files[0], 1000, 900)
+    over = "new Promise((go) => { const look = () => typeof core === 'object' && isOver() && "
+    over += "!page.running ? go(true) : setTimeout(look, 50); look(); })"
+    try:
+        assert page.value(over) is True
+        first = page.value("page.columns")
+        edges = "(({left, right, top, bottom}) => [left, right, (top + bottom) / 2])"
+        left, right, y = page.value(
+            f"{edges}(document.querySelector('#slider-0').getBoundingClientRect())"
+        )
+        middle = 0.5 * (left + right)
+        page.drag([(middle + (right - middle) * i / 8, y) for i in range(9)])
+        assert page.value(over) is True
+        damping = page.value("DATA.sliders[0].value")
+        assert damping > 1.9
+        second, ghost = page.value("page.columns"), page.value("page.ghost")
+    finally:
+        page.close()
+    expected = graph.set("blocks.force.constants.damping", damping).run(engine="compiled")
+    assert second[1] == expected["position"].tolist() != first[1]
+    assert len(ghost[0]) == len(first[0])
 
 
 @pytest.mark.parametrize(

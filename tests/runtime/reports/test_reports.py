@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import os
 import re
@@ -15,7 +17,7 @@ import pytest
 
 import runtime
 from blocks.core.signals import FloatArray
-from runtime.reports import report
+from runtime.reports import report, zoom
 from runtime.reports.html import Html, element, join, table, text
 from runtime.reports.svg import figure_svg
 from tests.browser import Element, elements, find, load, measure, rows
@@ -80,7 +82,8 @@ def test_a_table_has_its_cells() -> None:
 def test_a_browser_loads_it_without_messages(page: Path) -> None:
     loaded = load(page)
     assert loaded.console == []
-    assert not find(loaded.html, "script")
+    (script,) = find(loaded.html, "script")
+    assert script.text == zoom.script()
     titles = [e.text for e in find(loaded.html, "h2")]
     assert titles == [
         *("Metrics", "Figures", "Diagram", "Recorded signals", "Graph", "Provenance"),
@@ -116,6 +119,28 @@ def test_a_browser_reports_errors_of_a_page(tmp_path: Path) -> None:
     assert found["wide"][0].startswith("<p ")
 
 
+def test_charts_have_the_values_of_the_run(page: Path, run: Path) -> None:
+    (box,) = find(page.read_text(encoding="utf-8"), "details", class_="zoom")
+    result = runtime.open(run)
+    metres, radians = json.loads(box.attributes["data-charts"])
+    assert [metres["unit"], radians["unit"]] == ["[m]", "[rad]"]
+    t, x, y = (np.array(column) for column in metres["data"])
+    np.testing.assert_allclose(t, result.time("seen"), rtol=1e-5)
+    np.testing.assert_allclose(np.column_stack([x, y]), result["seen"][:, :2], rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_browser_draws_the_charts(page: Path) -> None:
+    opened = page.with_name("opened.html")
+    html = page.read_text(encoding="utf-8").replace("<details ", "<details open ")
+    opened.write_text(html, encoding="utf-8")
+    loaded = load(opened)
+    assert loaded.console == []
+    assert len(find(loaded.html, "canvas")) == 2
+    labels = {e.text for e in find(loaded.html, "div", class_="u-label")}
+    assert {"x", "y"} <= labels
+
+
 @pytest.mark.slow
 def test_it_fits_a_phone_and_a_desk(page: Path) -> None:
     for width in (360, 1400):
@@ -133,7 +158,9 @@ def test_nothing_is_loaded_from_elsewhere(page: Path) -> None:
             assert "url(" not in value or "url(#" in value
     assert "@import" not in html
     (policy,) = find(html, "meta", http_equiv="Content-Security-Policy")
+    digest = base64.b64encode(hashlib.sha256(zoom.script().encode()).digest()).decode()
     assert policy.attributes["content"].startswith("default-src 'none'")
+    assert policy.attributes["content"].endswith(f"; script-src 'sha256-{digest}'")
 
 
 def test_ids_are_unique_and_links_have_targets(page: Path) -> None:

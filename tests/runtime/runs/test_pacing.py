@@ -44,6 +44,24 @@ class Clock:
         self.time += round(1e9 * seconds) + SPIN_NS + (self.jitter.pop(0) if self.jitter else 0)
 
 
+def test_a_session_waits_for_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    made = partial(Pacing, now=clock.now, sleep=clock.sleep)
+    monkeypatch.setattr("runtime.sessions.session.Pacing", made)
+    session = runtime.load(SERVO).session()
+    assert "real_time" not in session.result().manifest
+    session.run(0.05).run(0.2, real_time=True, speed=2.0).step(10)  # beyond run.until
+    figures = session.result().manifest["real_time"]
+    # The first tick does not wait; periods are of 2 ticks, of 1 ms by the clock.
+    assert (figures["speed"], figures["periods"], figures["overruns"]) == (2.0, 100, 0)
+    assert clock.time == pytest.approx(0.1 * 1e9, rel=0.02)
+    assert same(session.result(), runtime.load(SERVO).run(until=0.26)) == []
+    with pytest.raises(runtime.UsageError, match="speed: .* add real_time=True"):
+        session.run(0.1, speed=2.0)
+    with pytest.raises(runtime.UsageError, match="expected a speed above 0, got -1"):
+        session.run(0.1, real_time=True, speed=-1.0)
+
+
 def paced(clock: Clock, costs: Sequence[int], dt: float = 1e-3, **options: Any) -> Pacing:
     """A run whose ticks after the first take so long (ns)."""
     network = SimpleNamespace(dt=dt, time_unit=options.pop("time_unit", "s"))

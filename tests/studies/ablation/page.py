@@ -22,12 +22,12 @@ engine. One of these experiments is
 * **As printed** is the paper's learning rule, the **robust rule** that of
   `graphs/rules/robust.yaml`, with one setting for all cases.
 * **The graph's LQR is not tuned**: soft by choice in A and B, so that there is something to learn.
-  The *tuned LQR*, PID, PurePursuit and Stanley have the settings found in
-  [comparison.md](comparison.md) with equal budget and under a limit of effort (0.03 rad/s in A,
-  0.25 in B, 0.2 in C). There everything is tuned together, which is what shows whether a network
-  is needed; this page takes parts away and puts others in their place, and tunes nothing again. So
-  the effort is not the same here: where something helps beside the tuned LQR, it may do so at a
-  higher effort.
+  The *tuned LQR*, PID, PurePursuit and Stanley have the settings that `runtime tune` found with 40
+  trials each, under a limit of effort (0.03 rad/s in A, 0.25 in B, 0.2 in C;
+  `tests/studies/settings`). Whether a network is needed is asked by
+  [the comparison](comparison.md), where everything is tuned together, several times; this page
+  takes parts away and puts others in their place, and tunes nothing again. So the effort is not
+  the same here: where something helps beside the tuned LQR, it may do so at a higher effort.
 
 ## In short
 

@@ -31,7 +31,9 @@ from runtime.experiments.analysis import benjamini_hochberg
 from tests.studies.comparison import plan, rows
 
 LEVEL = 0.05
+COVERAGE = rows.ROWS / "coverage.csv"
 SEEDS = 2
+FEWEST = 3  # tunings; of fewer, their scatter is unknown
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,8 @@ def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
     for name, runs in rows.held_out(task, metric).items():
         chosen = {place: e for place, e in runs.items() if plan.group_of(place[1]) == group}
         axes = [sorted({place[i] for place in chosen}) for i in range(3)]
+        if len(axes[0]) < FEWEST:
+            continue
         bad = [e is None or not e < limit for e in chosen.values()]
         capped = [
             math.log(limit if (e := chosen[t, k, s]) is None or not e < limit else e)
@@ -104,6 +108,15 @@ def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
             for s in axes[2]
         ]
         found[name] = Cells(np.array(capped).reshape([len(axis) for axis in axes]), sum(bad))
+    return found
+
+
+def raw(task: str, metric: str, group: str) -> dict[str, float]:
+    """The mean of a metric over the held-out runs of each contestant in a group that have one."""
+    found = {}
+    for name, runs in rows.held_out(task, metric).items():
+        known = [x for at, x in runs.items() if plan.group_of(at[1]) == group and x is not None]
+        found[name] = float(np.mean(known)) if known else math.nan
     return found
 
 
@@ -179,6 +192,35 @@ def simulated(
         for _ in range(2)
     )
     return first + place + apart, second
+
+
+def coverage(shape: tuple[int, int, int], times: int = 1000) -> tuple[float, float]:
+    """How often the interval holds the truth, and how often that of the bootstrap does."""
+    rng = np.random.default_rng([5, *shape])
+    within = again = 0
+    for i in range(times):
+        a, b = simulated(rng, shape)
+        found = contrast(a, b, plan.margin())
+        within += found.low <= 0.0 <= found.high
+        if i % 4 == 0:
+            low, high = bootstrap(a, b, rng)
+            again += low <= 0.0 <= high
+    return within / times, 4 * again / times
+
+
+def write_coverage() -> None:
+    """Write how often the intervals of the plan's groups hold the truth."""
+    settings = plan.read()
+    sizes = {
+        group[plan.HELD_OUT]
+        for task in settings["tasks"].values()
+        for group in task["groups"].values()
+    }
+    lines = ["tunings,conditions,seeds,interval,bootstrap"]
+    for n in sorted(sizes):
+        shape = (settings["tunings"], n, SEEDS)
+        lines.append(",".join(map(str, (*shape, *coverage(shape)))))
+    COVERAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def power(tunings: int, conditions: int, apart: float, times: int = 1000) -> tuple[float, float]:

@@ -13,11 +13,16 @@ import io
 import json
 import lzma
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
+import yaml
+
+from runtime.document import dump_yaml
+from runtime.errors import UsageError
+from runtime.experiments.design import slugs
 from tests.studies.comparison import plan
 
 ROWS = plan.FOLDER / "rows"
@@ -46,10 +51,35 @@ def began(task: str) -> dict[tuple[str, int], datetime]:
     }
 
 
+def choose(file: Path, contestant: str) -> None:
+    """Leave one contestant in a contest's file."""
+    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    data["contestants"] = {contestant: data["contestants"][contestant]}
+    file.write_text(dump_yaml(data), encoding="utf-8")
+
+
+def is_complete(task: str, contestant: str) -> bool:
+    """Whether all tunings of a contestant have rows."""
+    done = {row["tuning"] for row in read(task) if row["contestant"] == contestant}
+    return len(done) >= plan.read()["tunings"]
+
+
 def gather(task: str, folder: Path) -> Path:
-    """Write the rows of a contest's folder."""
-    facts = json.loads((folder / "contest.json").read_text(encoding="utf-8"))
-    found = list(_rows(facts["contestants"].items(), folder))
+    """Write the rows of the tunings in a contest's folder that have been judged, beside the old."""
+    settings = plan.read()
+    names = slugs(list(settings["tasks"][task]["contestants"]))
+    # Rows stay where a folder has no others: a study may be continued on another computer.
+    old = read(task) if task in tasks() else []
+    found: list[Row] = []
+    for name, start in names.items():
+        for tuning in range(settings["tunings"]):
+            own = folder / f"{start}-{tuning}"
+            if (own / "tuning.json").exists():
+                found += _rows(name, tuning, own)
+            else:
+                found += [x for x in old if (x["contestant"], x["tuning"]) == (name, str(tuning))]
+    if not found:
+        raise UsageError(f"there is no judged tuning in '{folder}'; see --out")
     kept = [key for key in found[0] if key not in FIRST]
     text = io.StringIO()
     writer = csv.DictWriter(text, [*FIRST, *kept], lineterminator="\n")
@@ -61,19 +91,15 @@ def gather(task: str, folder: Path) -> Path:
     return path
 
 
-def _rows(
-    contestants: Iterable[tuple[str, list[dict[str, object]]]], folder: Path
-) -> Iterator[Row]:
-    for name, tunings in contestants:
-        for tuning in tunings:
-            own = folder / str(tuning["folder"])
-            made = str(int((own / "graph.resolved.yaml").stat().st_mtime))
-            common = {"contestant": name, "tuning": str(tuning["sampling_seed"]), "began": made}
-            entered = tuning["values"]
-            paths = list(entered) if isinstance(entered, dict) else []
-            for file, part in (("index.csv", plan.TRAINING), ("held_out.csv", plan.HELD_OUT)):
-                for row in csv.DictReader((own / file).open(encoding="utf-8")):
-                    yield common | {"part": part} | _row(row, part, paths)
+def _rows(name: str, tuning: int, own: Path) -> Iterator[Row]:
+    facts = json.loads((own / "tuning.json").read_text(encoding="utf-8"))
+    paths = list(facts["vary"]) if "vary" in facts else []
+    began = str(int((own / "graph.resolved.yaml").stat().st_mtime))
+    common = {"contestant": name, "tuning": str(tuning), "began": began}
+    for file, part in (("index.csv", plan.TRAINING), ("held_out.csv", plan.HELD_OUT)):
+        with (own / file).open(encoding="utf-8") as stream:
+            for row in csv.DictReader(stream):
+                yield common | {"part": part} | _row(row, part, paths)
 
 
 def _row(row: Row, part: str, paths: list[str]) -> Row:
@@ -95,10 +121,10 @@ def _short(cell: str) -> str:
 def held_out(task: str, metric: str) -> dict[str, dict[tuple[int, str, int], float | None]]:
     """A metric of the held-out runs of what each tuning entered: by tuning, condition and seed."""
     found: dict[str, dict[tuple[int, str, int], float | None]] = defaultdict(dict)
-    for row in read(task):
-        # A winner's rows follow those of the contestant's own values, and take their place.
-        if row["part"] == plan.HELD_OUT:
-            place = (int(row["tuning"]), row["condition"], int(row["seed"]))
-            is_value = row["status"] == "ok" and row[metric] != ""
-            found[row["contestant"]][place] = float(row[metric]) if is_value else None
+    own = [row for row in read(task) if row["part"] == plan.HELD_OUT]
+    # Configuration 0 is the contestant's own values, which the winner's take the place of.
+    for row in sorted(own, key=lambda row: int(row["configuration"])):
+        place = (int(row["tuning"]), row["condition"], int(row["seed"]))
+        is_value = row["status"] == "ok" and row[metric] != ""
+        found[row["contestant"]][place] = float(row[metric]) if is_value else None
     return dict(found)

@@ -1,0 +1,68 @@
+"""A prepared engine that runs again from tick 0: with other numbers of blocks, another seed.
+
+In: an engine with ``repeats`` whose blocks have started, and blocks with other parameters in the
+place of some. Out: the same engine as a new one for these blocks would be, with the same bits. Only
+the blocks that changed start again; all others get back what they had before the first tick::
+
+    seed   block that changes     starts again
+    7      pid                    pid: no decoder is solved, no neuron drawn
+    8      none                   all, since any may draw
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from blocks.core import Block
+from runtime.engine.engine import Engine
+from runtime.engine.state import RunState, seed_of
+from runtime.errors import SimulationError
+
+
+def begin_again(engine: Engine, blocks: Mapping[str, Block], seed: int) -> bool:
+    """Let an engine begin again; False if that takes a new engine, and this one is of no use then.
+
+    Its recordings are overwritten, those in results included.
+
+    Parameters
+    ----------
+    blocks : by name; those that are not the engine's have other parameters, but the structure that
+        the plan was made of, and publish nothing.
+    """
+    state, before = engine.state, engine.network
+    if engine.first is None or engine.recorder.gathered:
+        return False
+    state.restore(engine.first)
+    entries = dict(before.entries)
+    for name, block in blocks.items():
+        entries[name] = replace(entries[name], block_or_none=block)
+    network = before.changed(entries=entries, seed=seed)
+    anew = [n for n, each in entries.items() if each.block is not before.entries[n].block]
+    changed = set(anew)
+    if seed != state.seed:
+        state.seed, anew = seed, list(entries)
+    engine.network = engine.diagnosis.network = engine.starting.network = network
+    for name in changed:
+        engine.namespace[engine.program.names.blocks[name]] = entries[name].block
+    for name in anew:
+        _forget(state, name, entries[name].seed)
+    engine.recorder.begin_again()
+    engine.diagnosis.begin_again()
+    engine.is_checked, engine.wall_s, engine.ready_s = False, 0.0, 0.0
+    try:
+        engine.starting.begin_again(anew)
+    except SimulationError:
+        return False  # said, with its place, by a new engine
+    return engine.run_again(changed, anew)
+
+
+def _forget(state: RunState, name: str, own_seed: int | None) -> None:
+    """Put a block's state back to what it is before ``start``."""
+    block = state.blocks[name]
+    held = vars(block)
+    for key in (state.undeclared(name) | {"rng"}) & held.keys():
+        del held[key]
+    for key in held["_declared"]:
+        held[key][...] = 0.0
+    block.seed = seed_of(state.seed if own_seed is None else own_seed, name)

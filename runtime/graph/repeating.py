@@ -1,0 +1,127 @@
+"""A graph that runs many times, with other numbers and seeds: the trials of an experiment.
+
+In: a graph, then values by path and a seed for each run. Out: results with the bits that a graph
+with these values has, at the cost of its ticks if the last run's engine can begin again::
+
+    runs = RepeatedRuns(graph)
+    runs.run({"pid.kp": 2.0}, seed=1)     # checks the graph, plans it, starts its blocks
+    runs.run({"pid.kp": 2.5}, seed=1)     # makes one block and starts it
+    runs.run({"pid.kp": null}, seed=1)    # prepares the run anew, as what is no number does
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from blocks.core import Block
+from runtime.document import Value
+from runtime.engine import Engine, begin_again
+from runtime.graph.graph import Graph
+from runtime.network import Numbers
+from runtime.observation import Metric
+from runtime.runs import PreparedRun, Result, chosen_runner, simulate
+
+
+@dataclass
+class _Prepared:
+    """A run that was prepared, with its values by path, and the engine that has run it."""
+
+    graph: Graph
+    prepared: PreparedRun
+    engine: Engine
+    values: Mapping[str, Value]
+    present: str = ""
+
+    def __post_init__(self) -> None:
+        self.blocks: Mapping[str, Block] = {}
+        self.present = repr(self.values)
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        return Numbers.of(self.graph.document, self.graph.network, self.values)
+
+    def begins_again(self, values: Mapping[str, Value], seed: int) -> bool:
+        """Let the engine begin again with other values; False if that takes a new one."""
+        if repr(values) != self.present:
+            if values.keys() != self.values.keys():
+                return False
+            varied = {path: values[path] for path in self.numbers.values}
+            if any(
+                repr(values[path]) != repr(value)
+                for path, value in self.values.items()
+                if path not in varied
+            ):
+                return False
+            blocks = self.numbers.changed(varied)
+            if blocks is None:
+                return False
+            self.blocks, self.present = blocks, repr(values)
+        return begin_again(self.engine, self.blocks, seed)
+
+
+@dataclass
+class RepeatedRuns:
+    """Runs of one graph.
+
+    Parameters
+    ----------
+    graph : before its values are set.
+    plots : the kinds of plots whose probes are recorded beside those of the metrics; None for all.
+    key : what its owner knows it by.
+
+    ``metrics`` are those of the last run. The recordings of a result are valid until the next run.
+    """
+
+    graph: Graph
+    plots: Container[str] | None = None
+    key: object = None
+    metrics: list[Metric] = field(init=False, default_factory=list)
+    _checked: tuple[str, Graph] | None = field(init=False, default=None)
+    _last: _Prepared | None = field(init=False, default=None)
+
+    def run(
+        self,
+        values: Mapping[str, Value],
+        seed: int,
+        progress: Callable[[int, int], None] | None = None,
+        whole: bool = True,
+    ) -> Result:
+        """Run the graph with other entries.
+
+        Parameters
+        ----------
+        whole : whether the result shall have the document and the notes of a run with these
+            entries, which takes a check of the graph, or its probes and metrics alone.
+
+        Raises
+        ------
+        GraphError : it is wrong. SimulationError : it failed.
+        """
+        last, self._last = self._last, None
+        is_again = last is not None and last.begins_again(values, seed)
+        if last is None or whole or not is_again:
+            graph = self._changed(values).with_seed(seed)
+            prepared = graph.prepared(self.plots)
+        else:
+            prepared = replace(last.prepared, network=last.engine.network)
+        if last is None or not is_again:
+            runner = chosen_runner(graph.network)
+            engine = Engine(prepared.program, seed, runner, repeats=True)
+            last = _Prepared(graph, prepared, engine, values)
+        self.metrics = prepared.program.observation.metrics
+        result = simulate(prepared, progress, engine=last.engine, whole=whole)
+        if result.status in ("complete", "stopped"):
+            self._last = last  # after anything else, a tick may be half done
+        return result
+
+    def _changed(self, values: Mapping[str, Value]) -> Graph:
+        """The graph with other entries, checked once for all seeds."""
+        if self._checked is None or self._checked[0] != repr(values):
+            graph = self.graph
+            for path, value in values.items():
+                graph = graph.set(path, value, origin=path)
+            _ = graph.network  # raises what is wrong
+            self._checked = repr(values), graph
+        return self._checked[1]

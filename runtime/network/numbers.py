@@ -1,0 +1,196 @@
+"""Numbers of a graph on which nothing but parameters of blocks depends, and blocks with others.
+
+In: a graph whose entries at some paths were set, with the paths as origins, and its network. Out:
+:class:`Numbers`, which makes the blocks for other values without building the network again::
+
+    params: {k: 2}   blocks: {a: {gain: $k}, b: {gain: $k}}     params.k: the blocks a and b
+    params: {k: 2}   blocks: {a: {gain: 2 * $k}}                None: a value is computed from k
+    params: {n: 9}   blocks: {a: {neurons: $n}}                 a; but no block for n = 10, since
+                                                                another plan would follow from it
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from blocks.core import Block, BlockContext, ParameterError, state_shape
+from blocks.registry import is_built_in
+from runtime.document import Node, Value, from_python, full_path, is_part
+from runtime.errors import Where
+from runtime.network.build import BLOCK_KEYS, reconstructed
+from runtime.network.network import Network
+
+
+def structure(block: Block, context: BlockContext) -> tuple[str, ...]:
+    """What a network and a plan read of a block; with the same, they are the same."""
+    shapes = [state_shape(block, each, context) for each in block.spec.states.values()]
+    ports = [(block.port_type(name), block.port_unit(name)) for name in block.spec.ports]
+    edges = () if context.until is None else np.asarray(block.edges(context.until)).tolist()
+    said = (block.evaluations, block.indirect, block.recalls, block.stepwise, block.jumps)
+    known = (block.sizes_in(context), block.variables, block.state_names, block.couplings(context))
+    found = (*said, *known, tuple(block.crossings(context)), edges, shapes, ports)
+    return tuple(map(repr, found))
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The blocks that depend on some numbers of a graph.
+
+    Parameters
+    ----------
+    network : of the graph with ``values``, by path.
+    blocks : those that depend on them, with the paths whose values each has.
+    """
+
+    network: Network
+    values: Mapping[str, Value]
+    blocks: Mapping[str, tuple[str, ...]]
+    _known: dict[str, tuple[BlockContext, Any]] = field(init=False, default_factory=dict)
+
+    @classmethod
+    def of(cls, document: Node, network: Network, values: Mapping[str, Value]) -> Numbers:
+        """Those of the values on which nothing depends but parameters of built-in blocks."""
+        left = {p: v for p, v in values.items() if is_number(v) and _is_parameter(document, p)}
+        blocks: dict[str, tuple[str, ...]] = {}
+        for name, entry in network.entries.items():
+            paths = tuple(path for path, value in left.items() if _has(entry.node, path, value))
+            publishes = any(port.publishes for port in entry.cls.spec.outputs.values())
+            if paths and (not is_built_in(entry.cls) or publishes or _is_named(network, name)):
+                left = {path: value for path, value in left.items() if path not in paths}
+            elif paths:
+                blocks[name] = paths
+        # A value that no block has belongs to one that was removed.
+        used = {path for paths in blocks.values() for path in paths}
+        left = {path: value for path, value in left.items() if path in used}
+        blocks = {n: tuple(p for p in paths if p in left) for n, paths in blocks.items()}
+        return cls(network, left, {name: paths for name, paths in blocks.items() if paths})
+
+    def changed(self, values: Mapping[str, Value]) -> dict[str, Block] | None:
+        """All blocks that depend on the numbers, for these values.
+
+        None if one of them is wrong, or the plan would be another one.
+        """
+        found: dict[str, Block] = {}
+        if not all(map(is_number, values.values())):
+            return None
+        for name, paths in self.blocks.items():
+            entry = self.network.entries[name]
+            node = entry.node
+            for path in paths:
+                node = _replaced(node, path, self.values[path], values[path])
+            block = reconstructed(self.network, entry, node)
+            if block is None:
+                return None
+            if name not in self._known:
+                context = self.network.context(name)
+                key = entry.block.stack_key(context)
+                self._known[name] = context, (structure(entry.block, context), key)
+            context, before = self._known[name]
+            try:
+                block.validate_in(context)
+                if (structure(block, context), block.stack_key(context)) != before:
+                    return None
+            except (ParameterError, ArithmeticError, ValueError):
+                return None
+            found[name] = block
+        return found
+
+
+def is_number(value: Value) -> bool:
+    """Whether a value is a number, or a list of numbers."""
+    if isinstance(value, list):
+        return all(map(is_number, value))
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and value == value
+
+
+def _is_parameter(document: Node, path: str) -> bool:
+    """Whether an entry is a parameter of a block, or a param that stands for such alone."""
+    graph, names = document, full_path(document, path).split(".")
+    while names[0] == "blocks" and len(names) > 2:
+        entry = (graph.get("blocks") or Node({})).get(names[1])
+        if entry is None or not entry.is_map:
+            return False
+        names = names[2:]
+        if not is_part(entry):
+            return names[0] not in BLOCK_KEYS
+        graph = entry
+    return names[0] == "params" and len(names) > 1 and _is_whole(graph, names[1])
+
+
+def _is_whole(graph: Node, param: str) -> bool:
+    """Whether a param is named only as a whole value inside the parameters of blocks."""
+    for key, node in graph.items():
+        if key == "params":
+            others = (item for name, item in node.items() if name != param)
+            if any(True for item in others for _ in _uses(item, param)):
+                return False
+        elif key == "blocks":
+            if not all(_is_whole_in(entry, param) for _, entry in node.items()):
+                return False
+        elif any(True for _ in _uses(node, param)):
+            return False
+    return True
+
+
+def _is_whole_in(entry: Node, param: str) -> bool:
+    """The same of one entry of the section ``blocks``; names inside a part are its own."""
+    if not is_part(entry):
+        given = {key: list(_uses(item, param)) for key, item in entry.items()}
+        return all(all(uses) for uses in given.values()) and not any(map(given.get, BLOCK_KEYS))
+    for key, item in entry.items():
+        if key == "params":
+            for name, value in item.items():
+                uses = list(_uses(value, param))
+                if uses and not (all(uses) and _is_whole(entry, name)):
+                    return False
+        elif key != "blocks" and any(True for _ in _uses(item, param)):
+            return False
+    return True
+
+
+def _uses(node: Node, param: str) -> Iterator[bool]:
+    """For each text that names a param, whether it is nothing else."""
+    if isinstance(node.value, str) and re.search(rf"\${param}(?!\w)", node.value):
+        yield node.value == f"${param}"
+    for item in _items(node):
+        yield from _uses(item, param)
+
+
+def _has(node: Node, path: str, value: Value) -> bool:
+    """Whether a value that was set at a path is in a block's entry."""
+    if node.where == Where(path) and node.plain() == value:
+        return True
+    return any(_has(item, path, value) for item in _items(node))
+
+
+def _items(node: Node) -> list[Node]:
+    return node.value if node.is_list else [item for _, item in node.items()]
+
+
+def _replaced(node: Node, path: str, before: Value, after: Value) -> Node:
+    """A block's entry with another value in place of the one that was set at a path."""
+    if node.where == Where(path) and node.plain() == before:
+        return Node(from_python(after, node.where).value, node.where, node.key)
+    if node.is_list:
+        items = [_replaced(item, path, before, after) for item in node.value]
+        return Node(items, node.where, node.key)
+    if node.is_map:
+        entries = {key: _replaced(item, path, before, after) for key, item in node.items()}
+        return Node(entries, node.where, node.key)
+    return node
+
+
+def _is_named(network: Network, name: str) -> bool:
+    """Whether a block of the graph may ask for another one by its name, as for a plant."""
+    names = {name, network.entries[name].short}
+    return any(
+        entry.block.value(each) in names
+        for entry in network.entries.values()
+        for each, declared in entry.cls.spec.params.items()
+        if isinstance(entry.block.value(each), str)
+    )

@@ -1,0 +1,263 @@
+"""docs/comparison.md and its figures, from the rows and nothing else."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tests.studies.comparison import costs, judge, plan, register, rows
+from tests.studies.comparison.judge import Answer, Contrast
+
+PAGE = plan.FOLDER.parent / "comparison.md"
+IMAGES = plan.FOLDER.parent / "images"
+WHOLE = "over the run"
+
+
+def write() -> None:
+    """Write the page and a figure for each question that has an answer."""
+    parts = [_head()]
+    for number, question in enumerate(plan.read()["questions"], 1):
+        found = judge.answers(question)
+        if found:
+            name = f"comparison_{number}.png"
+            _figure(found).savefig(IMAGES / name, dpi=150, metadata={"Software": None})
+            parts.append(_section(number, question["ask"], found, name))
+    parts += [_contestants(task) for task in rows.tasks()]
+    parts += [_costs()] if costs.read() else []
+    PAGE.write_text("\n\n".join([*parts, _foot()]) + "\n", encoding="utf-8")
+
+
+def _head() -> str:
+    """What was asked, and what has been run of it."""
+    entries = plan.read()["tasks"]
+    done = rows.tasks()
+    lines = [
+        "# Does spiking adaptation help, and where?",
+        "",
+        "Written by `python -m tests.studies.comparison page` from the rows in `docs/study/rows`. "
+        "The questions, the contestants, the runs and the rules were registered before the first "
+        "of these runs: [the plan](study/plan.md).",
+        "",
+        "**What has been run.** " + " ".join(_run_of(task) for task in done),
+        "",
+    ]
+    missing = [str(entry["title"]) for task, entry in entries.items() if task not in done]
+    if missing:
+        lines += [f"**Registered and not run yet**: {'; '.join(missing)}.", ""]
+    lines += [f"* {line}" for line in register.told()]
+    return "\n".join(lines)
+
+
+def _run_of(task: str) -> str:
+    entry = plan.read()["tasks"][task]
+    data = rows.read(task)
+    tunings = {(row["contestant"], row["tuning"]) for row in data}
+    names = {name for name, _ in tunings}
+    held_out = sum(row["part"] == plan.HELD_OUT for row in data)
+    text = f"{entry['title']}: {len(names)} of {len(entry['contestants'])} contestants, "
+    text += f"{len(tunings)} tunings, {len(data) - held_out:,} training runs "
+    text += f"and {held_out:,} held-out runs."
+    absent = [name for name in entry["contestants"] if name not in names]
+    fewer = [
+        f"{name} {n}"
+        for name in entry["contestants"]
+        if 0 < (n := sum(one == name for one, _ in tunings)) < plan.read()["tunings"]
+    ]
+    text += f" Not run yet: {', '.join(absent)}." if absent else ""
+    return text + (f" With fewer tunings than planned: {', '.join(fewer)}." if fewer else "")
+
+
+def _measure(line: Answer) -> str:
+    names = plan.read()["tasks"][line.task].get("measures", {})
+    return str(names.get(line.metric, WHOLE))
+
+
+def _group(line: Answer) -> str:
+    return str(plan.read()["tasks"][line.task]["groups"][line.group]["title"])
+
+
+def ratio(one: Contrast) -> str:
+    """A ratio with its interval."""
+    return f"{math.exp(one.mean):.2f} [{math.exp(one.low):.2f}, {math.exp(one.high):.2f}]"
+
+
+def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
+    words = _words(found)
+    lines = [f"## {number}. {ask}", "", *words, "", f"![{ask}](images/{picture})", ""]
+    lines += ["Ratios of errors with 95 % intervals that contain tunings, conditions and seeds."]
+    lines[-1] += " Grey is the range within the margin."
+    lines += ["", "<details><summary>The table</summary>", ""]
+    lines += [
+        "| where | measure | contestant | against | ratio | verdict | failed runs |",
+        "|" + "---|" * 7,
+    ]
+    for line in found:
+        failed = (
+            "–" if line.contrast.failed == (0, 0) else "{} and {}".format(*line.contrast.failed)
+        )
+        cells = [_group(line), _measure(line), line.one, line.other, ratio(line.contrast)]
+        lines.append(f"| {' | '.join([*cells, line.contrast.word, failed])} |")
+    return "\n".join([*lines, "", "</details>"])
+
+
+def _words(found: list[Answer]) -> Iterator[str]:
+    """A sentence for each contestant and rival: how often which verdict, and where."""
+    for one, other in dict.fromkeys((line.one, line.other) for line in found):
+        own = [line for line in found if (line.one, line.other) == (one, other)]
+        said = []
+        for word in COLOURS:
+            places = [line for line in own if line.contrast.word == word]
+            named = "; ".join(f"{_place(x)}, {ratio(x.contrast)}" for x in places)
+            if len(places) == len(own) > 1:
+                ends = sorted(math.exp(x.contrast.mean) for x in own)
+                named = f"all {len(own)} comparisons, {ends[0]:.2f} to {ends[-1]:.2f}"
+            said += [f"**{word}** ({named})"] if places else []
+        yield f"* {one} against {other}: {', '.join(said)}."
+
+
+def _place(line: Answer) -> str:
+    """Where a line is about, and which part of the run if it is not all of it."""
+    measure = _measure(line)
+    return _group(line) if measure == WHOLE else f"{_group(line)}, {measure}"
+
+
+COLOURS = {"better": "#2a7f3f", "worse": "#b2332a", "equivalent": "#2b5c9e", "undecided": "#777777"}
+
+
+def _figure(found: list[Answer]) -> Figure:
+    """The ratios of one question, a line for each."""
+    figure = Figure(figsize=(7.2, 0.9 + 0.24 * len(found)), layout="constrained")
+    axes = figure.subplots()
+    margin = plan.read()["margin"]
+    axes.axvspan(1 / margin, margin, color="0.92")
+    axes.axvline(1.0, color="0.4", lw=0.8)
+    for place, line in enumerate(found):
+        one = line.contrast
+        ends = [math.exp(one.low), math.exp(one.high)]
+        axes.plot(ends, [place, place], color=COLOURS[one.word], lw=2)
+        axes.plot(math.exp(one.mean), place, "o", color=COLOURS[one.word], ms=5)
+    labels = [f"{x.one} / {x.other}: {_place(x)}" for x in found]
+    axes.set_yticks(range(len(found)), labels, fontsize=7)
+    axes.set_ylim(len(found) - 0.4, -0.6)
+    axes.set_xscale("log")
+    ticks = [t for t in (0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10) if _within(t, found)]
+    axes.set_xticks(ticks, [f"{t:g}" for t in ticks], fontsize=8)
+    axes.minorticks_off()
+    axes.set_xlabel("ratio of errors", fontsize=8)
+    for word, colour in COLOURS.items():
+        axes.plot([], [], "o-", color=colour, label=word, ms=4)
+    figure.legend(ncols=4, loc="outside upper right", fontsize=7, frameon=False)
+    return figure
+
+
+def _within(tick: float, found: list[Answer]) -> bool:
+    low = min([line.contrast.low for line in found] + [-0.3])
+    high = max([line.contrast.high for line in found] + [0.3])
+    return math.exp(low) * 0.9 <= tick <= math.exp(high) * 1.1
+
+
+def _contestants(task: str) -> str:
+    """The table of a task: errors, how far tunings agree, the effort, the worst condition."""
+    entry = plan.read()["tasks"][task]
+    lines = [f"## {entry['title']}: all contestants", "", *_spread_words(task), ""]
+    for group, about in entry["groups"].items():
+        lines += [f"<details><summary>{about['title']}</summary>", ""]
+        lines += [
+            "| contestant | error, " + entry["unit"] + " | tunings from | to | worst condition | "
+        ]
+        lines[-1] += "effort | failed runs |"
+        lines += ["|" + "---|" * 7]
+        lines += _lines(task, group, entry)
+        lines += ["", "</details>", ""]
+    return "\n".join(lines).rstrip()
+
+
+def _lines(task: str, group: str, entry: dict[str, Any]) -> Iterator[str]:
+    errors, effort = judge.cells(task, "error", group), judge.raw(task, "effort", group)
+    scale = entry["scale"]
+    order = sorted(errors, key=lambda name: float(errors[name].values.mean()))
+    for name in order:
+        values = scale * np.exp(errors[name].values)
+        by_tuning = values.mean(axis=(1, 2))
+        worst = values.mean(axis=(0, 2)).max()
+        numbers = [values.mean(), by_tuning.min(), by_tuning.max(), worst]
+        shown = " | ".join(f"{number:.1f}" for number in numbers)
+        yield f"| {name} | {shown} | {effort[name]:.3f} | {errors[name].failed or '–'} |"
+
+
+def _spread_words(task: str) -> Iterator[str]:
+    """Who needs tuning: the ratio of the worst to the best of the tunings, over all conditions."""
+    groups = plan.read()["tasks"][task]["groups"]
+    found: dict[str, np.ndarray[Any, Any]] = {}
+    for group in groups:
+        for name, one in judge.cells(task, "error", group).items():
+            sums = one.values.sum(axis=(1, 2)), one.values[0].size
+            old = found.get(name, np.zeros((2, len(one.values))))
+            found[name] = old + np.stack([sums[0], np.full(len(one.values), sums[1])])
+    spread = {name: float(np.ptp(total / n)) for name, (total, n) in found.items()}
+    order = sorted(spread, key=lambda name: spread[name])
+    said = ", ".join(f"{name} {math.exp(spread[name]):.2f}" for name in order)
+    yield (
+        "How far the tunings of each agree, the largest typical error over the smallest: "
+        + said
+        + "."
+    )
+
+
+def _costs() -> str:
+    """What each contestant needs as C."""
+    lines = [
+        "## What it costs",
+        "",
+        "As `runtime export` writes it in C, in double, of the vehicle's ",
+    ]
+    lines[-1] += (
+        "contestants: state in bytes, code on a Cortex-M4 in bytes, operations of a step on "
+    )
+    lines[-1] += "which everything is due. Loops over spikes depend on data; one pass is counted."
+    lines += ["", "<details><summary>The table</summary>", ""]
+    lines += [
+        "| contestant | state | code | arithmetic | divisions | functions |",
+        "|" + "---|" * 6,
+    ]
+    lines += [f"| {' | '.join(row.values())} |" for row in costs.read()]
+    return "\n".join([*lines, "", "</details>"])
+
+
+COVERED = """* Of 1,000 simulated studies of {tunings} tunings, {conditions} conditions and {seeds}
+  seeds, {interval} of the 95 % intervals hold the truth ({bootstrap} of those by a bootstrap)."""
+FOOT = """## How to read this
+
+* **Better**, **worse**: the ratio differs from 1. **Equivalent**: it is within 1/{margin} and
+  {margin}. **Undecided**: neither. p values are corrected within each question (Benjamini and
+  Hochberg). How large a ratio such a study finds is in [the plan](study/plan.md#power).
+* A contestant is judged from {fewest} tunings on. Each tuning ends by the plan's patience, which
+  is short: how far the tunings of one contestant are apart, the intervals contain.
+* **Error**: geometric mean in ratios, arithmetic mean in tables; a failed run counts as the
+  task's limit.
+* **Effort**: root mean square of the command's change from one tick to the next, at the rate at
+  which it changes. Training runs must stay below the task's limit; held out it is only reported.
+* *One setting* is what the graphs ship: it was found in an earlier study, on three other graphs
+  (`tests/studies/settings`), and is not changed here."""
+
+
+def _foot() -> str:
+    lines = []
+    if judge.COVERAGE.exists():
+        with judge.COVERAGE.open(encoding="utf-8") as stream:
+            lines = [COVERED.format(**_percent(row)) for row in csv.DictReader(stream)]
+    return "\n".join([_reading(), *lines])
+
+
+def _percent(row: dict[str, str]) -> dict[str, str]:
+    shares = {key: f"{100 * float(row[key]):.1f} %" for key in ("interval", "bootstrap")}
+    return row | shares
+
+
+def _reading() -> str:
+    return FOOT.format(margin=plan.read()["margin"], fewest=judge.FEWEST)

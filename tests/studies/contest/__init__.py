@@ -1,1 +1,0 @@
-"""Controllers of case C, tuned alike and compared: ``python -m tests.studies.contest``."""

@@ -1,0 +1,106 @@
+"""The registered comparison: its plan, its intervals, its page."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.studies.comparison import judge, page, plan, register, rows
+
+TASKS = list(plan.read()["tasks"])
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_conditions_are_drawn_anew_and_inside_their_ranges(task: str) -> None:
+    training, held_out = (plan.conditions(task, part) for part in (plan.TRAINING, plan.HELD_OUT))
+    drawn = [repr(each) for each in (*training.values(), *held_out.values())]
+    assert len(set(drawn)) == len(drawn)
+    entry = plan.read()["tasks"][task]
+    for name, condition in held_out.items():
+        draws = entry["draws"] | entry.get("group_draws", {}).get(plan.group_of(name), {})
+        for path, how in draws.items():
+            if "uniform" in how:
+                values = np.atleast_1d(condition["set"][path])
+                assert np.all((how["uniform"][0] <= values) & (values <= how["uniform"][1]))
+
+
+def test_contestants_of_a_task_share_runs_and_limits() -> None:
+    """A contest has one entry of each; only changes and factors are a contestant's own."""
+    for task in TASKS:
+        contestants = plan.experiment(task)["contestants"]
+        keys = {key for each in contestants.values() for key in each}
+        assert keys <= {"with", "set", "replace", "without", "vary"}
+        learners = [contestants[name] for name in ("MRAC", "features", "rate neurons", "spikes")]
+        assert all(each["vary"] == learners[0]["vary"] for each in learners)
+
+
+def test_the_interval_of_conditions_alone_is_that_of_paired_t() -> None:
+    rng = np.random.default_rng(2)
+    a, b = rng.normal(0.1, 0.2, 9), rng.normal(0.0, 0.2, 9)
+    found = judge.contrast(a.reshape(1, 9, 1), b.reshape(1, 9, 1), 0.2)
+    expected = stats.ttest_rel(a, b)
+    low, high = expected.confidence_interval()
+    assert (found.low, found.high) == pytest.approx((low, high))
+    assert found.p == pytest.approx(expected.pvalue)
+
+
+def test_the_interval_of_tunings_alone_is_that_of_welch() -> None:
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(0.1, 0.2, 5), rng.normal(0.0, 0.05, 7)
+    found = judge.contrast(a.reshape(5, 1, 1), b.reshape(7, 1, 1), 0.2)
+    expected = stats.ttest_ind(a, b, equal_var=False)
+    low, high = expected.confidence_interval()
+    assert (found.low, found.high) == pytest.approx((low, high))
+
+
+def test_words_follow_from_p_and_failures() -> None:
+    better = judge.Contrast(-0.5, -0.6, -0.4, 0.001, 1.0)
+    assert better.word == "better"
+    assert judge.Contrast(-0.5, -0.6, -0.4, 0.001, 1.0, (3, 0)).word == "undecided"
+    assert judge.Contrast(0.5, 0.4, 0.6, 0.001, 1.0, (3, 0)).word == "worse"
+    assert judge.Contrast(0.05, 0.0, 0.1, 0.04, 0.01).word == "equivalent"
+    assert judge.Contrast(0.05, -0.5, 0.6, 0.8, 0.4).word == "undecided"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [(5, 10, 2), (5, 6, 2), (3, 10, 2)])
+def test_intervals_cover_and_bootstraps_do_not(shape: tuple[int, int, int]) -> None:
+    """1,000 studies in which nothing differs; a standard error of 0.7 % at 95 %."""
+    interval, bootstrap = judge.coverage(shape)
+    assert 0.93 < interval < 0.99
+    assert bootstrap < 0.95
+
+
+def test_no_run_is_older_than_the_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not register.commits():
+        pytest.skip("there is no history")
+    early = datetime(2020, 1, 1, tzinfo=UTC)
+    monkeypatch.setattr(rows, "tasks", lambda: ["path"])
+    monkeypatch.setattr(rows, "began", lambda task: {("LQR", 0): early})
+    (problem,) = register.problems()
+    assert problem.startswith("path: LQR, tuning 0 began 2020-01-01 00:00:00, before the plan")
+
+
+def test_a_failed_run_is_worse_than_any_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = {"heals 0": None, "heals 1": 0.4, "switching 0": 9.0}
+    runs = {(t, name, 1): error for t in range(3) for name, error in one.items()}
+    monkeypatch.setattr(rows, "held_out", lambda task, metric: {"one": runs})
+    found = judge.cells("path", "error", "heals")["one"]
+    assert found.failed == 3
+    assert np.exp(found.values).ravel() == pytest.approx([0.5, 0.4] * 3)
+    assert judge.cells("path", "error", "switching")["one"].failed == 3
+
+
+@pytest.mark.skipif(not rows.tasks(), reason="nothing has been run")
+def test_the_page_is_that_of_the_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = page.PAGE.read_text(encoding="utf-8")
+    monkeypatch.setattr(page, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(page, "IMAGES", tmp_path)
+    page.write()
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == written
+    assert all(math.isfinite(x.contrast.mean) for x in judge.answers(plan.read()["questions"][0]))
