@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from blocks.core import BlockContext, BlockState, FloatArray, State
+from blocks.core import BlockContext, BlockState, FloatArray, ParameterError, State
 from blocks.fmu.imported import ImportedFMU
 from blocks.fmu.instance import Instance
 
@@ -33,6 +33,13 @@ class ModelExchangeFMU(ImportedFMU):
         if "path" not in self.__dict__:
             return {}
         return {"states": self.description.states, "signs": self.description.indicators}
+
+    def validate_in(self, context: BlockContext) -> None:
+        super().validate_in(context)
+        if context.located and not self.description.states:
+            message = "an FMU without continuous states is not integrated, so that no event of it "
+            message += "is located; write run: {events: ticks}"
+            raise ParameterError([("file", message)])
 
     def begun(self) -> Instance:
         model = super().begun()

@@ -204,8 +204,8 @@ class TestReference:
 
     def test_announced_times_are_events(self, fmi: int) -> None:
         kind = "ModelExchangeFMU"
-        result = graph_of(self.block(fmi, "Stair", kind), until=4.5, solver="rk4").run(
-            engine="python"
-        )
+        result = graph_of(
+            self.block(fmi, "Stair", kind), until=4.5, solver="rk4", events="ticks"
+        ).run(engine="python")
         expected = 1.0 + np.floor(result.time("out") + 1e-9)
         assert np.array_equal(result["out"], expected)
