@@ -33,6 +33,7 @@ from benchmarks import (
     physics,
     populations,
     real_time,
+    sessions,
     start_up,
     stiff,
     sweeps,
@@ -213,12 +214,13 @@ ALONE: dict[str, Callable[[int], str]] = {
     "growth": growth.section,
     "language": language.section,
     "real_time": real_time.section,
+    "sessions": sessions.section,
     "start_up": start_up.section,
     "stiff": stiff.section,
 }
 
 
-LOOPS = (continuous, stiff, real_time)
+LOOPS = (continuous, stiff, real_time, sessions)
 AGAINST = "against"  # of two trees
 
 

@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
+from importlib.util import find_spec
 from itertools import repeat
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from runtime.cli.commands import VERBS
 from runtime.cli.commands.help import change_help
 from runtime.cli.shipped import RUNNABLE, schema_line, shipped
 from runtime.engine import python_seconds
+from runtime.export.html import export_page
 from runtime.files import slug
 
 MAX_SECONDS = 30.0  # estimated time under the Python engine; a longer run is cut
@@ -41,6 +43,26 @@ SIX = (
     "gallery/double_pendulum",
 )
 SMALL = "gallery/step_feedback"  # beside its diagram and its plot there
+# Graphs whose pages simulate in the reader's browser, with the sliders that are not the usual ones.
+LIVE: dict[str, tuple[str, ...]] = {
+    "line_actuator_failure": ("fault.gain[1]=0..1",),
+    "starters/adaptive": (
+        "snn.learning_rate=0..2e-5",
+        "match.v_r=0.5..2",
+        "plant.wheel_base=0.1..1",
+    ),
+    "gallery/balanced_pole": (),
+    "gallery/cart_pole_balance": ("force=-5..5",),
+    "gallery/dc_motor": (),
+    "gallery/duffing": (),
+    "gallery/pendulum": (),
+    "gallery/pid_loop": (),
+    "gallery/step_feedback": (),
+    "gallery/thermostat": (),
+    "gallery/van_der_pol": ("force.constants.damping=0..3",),
+    "gallery/worn_actuator": (),
+}
+FIRST_LIVE = "line_actuator_failure"  # on the landing page
 FILTER = """<label class="filter">Show only
 <input id="filter" type="search" placeholder="a word or a block, as in PID"></label>
 <p id="nothing" hidden>No graph has all of these words.</p>"""
@@ -87,6 +109,8 @@ def gallery(folder: Path) -> None:
     chosen = [each for name in SIX for each in entries if each.name == name]
     six = grid([card(each, *shown[each.name], up="generated/") for each in chosen])
     (folder / "six.txt").write_text(six + "\n", encoding="utf-8")
+    first = next(each for each in entries if each.name == FIRST_LIVE)
+    (folder / "live.txt").write_text(_live(folder, first, "") + "\n", encoding="utf-8")
     small = next(each for each in entries if each.name == SMALL)
     text = small.shipped.path.read_text(encoding="utf-8")
     text = text.removeprefix(schema_line(text))
@@ -107,7 +131,8 @@ def _page(folder: Path, each: Entry) -> tuple[str, str]:
     kinds = ", ".join(f"`{name}`" for name in each.types)
     # In no table of contents: a hundred and fifty entries beside every page help nobody.
     parts = ["---\norphan: true\n---", f"# {each.title}", each.line, _shell(commands)]
-    parts += [f"![{alt}]({address})" if address else "", "## Diagram", drawn]
+    parts += [f"![{alt}]({address})" if address else "", _live(folder, each, "../")]
+    parts += ["## Diagram", drawn]
     parts += [f"Blocks: {kinds}." if kinds else "", "## Text", f"```yaml\n{text.rstrip()}\n```"]
     parts += ["## What to try", _shell(_trials(each))]
     text = "\n\n".join(part for part in parts if part)
@@ -118,6 +143,22 @@ def _page(folder: Path, each: Entry) -> tuple[str, str]:
     source = IMAGES.parent / address[3:] if is_committed else folder / (address or diagram)
     small = thumbnail(source, folder / "static", each.page)
     return small, alt if address else f"Block diagram of {each.name}"
+
+
+def _live(folder: Path, each: Entry, root: str) -> str:
+    """A section with a page that simulates, if the graph has one and the extra is installed.
+
+    The page is a file of its own, which a browser loads when it comes into sight.
+    """
+    if each.name not in LIVE or find_spec("ziglang") is None:
+        return ""
+    file = f"{each.page}-live"
+    export_page(each.graph, folder / "static", name=file, slider=LIVE[each.name])
+    address = f"{root}_static/{file}.html"
+    frame = f'<iframe class="live" src="{address}" loading="lazy" title="{each.title}"></iframe>'
+    link = f'<p class="small"><a href="{address}">On a page of its own</a>; '
+    link += f'how it was made: <a href="{root}pages.html">pages that simulate</a>.</p>'
+    return "\n".join(["## Try it here", "", "```{raw} html", frame, link, "```"])
 
 
 def _shell(commands: Iterable[str]) -> str:

@@ -206,10 +206,12 @@ def _text(name: str) -> str:
     return (FOLDER / f"{name}.yaml").read_text()
 
 
+@pytest.mark.parametrize("ticks", [300, pytest.param(2000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in MODELS])
-def test_a_graph_runs(name: str) -> None:
+def test_a_graph_runs(name: str, ticks: int) -> None:
     graph = runtime.load(FOLDER / f"{name}.yaml")
-    result = graph.set("run.until", min(2.0, graph.network.until)).run(engine="python")
+    until = min(2.0, ticks * graph.network.dt, graph.network.until)
+    result = graph.set("run.until", until).run(engine="python")
     assert all(np.isfinite(np.asarray(result[probe])).all() for probe in result.probes)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blocks.control.lqr import riccati
-from blocks.core import FloatArray, product, solve
+from blocks.core import FloatArray, product, small_times, solve
 
 SLACK = 1e-9  # by which rounding may pass a bound
 PARALLEL = 1e-20  # squared sine of the angle to other rows below which a row depends on them
@@ -121,15 +121,7 @@ def minimum(
     ------
     ArithmeticError : no command satisfies the bounds.
     """
-    return combined(free, x) + combined(root, nearest(of_z, bounds - combined(of_x, x)))
-
-
-def combined(a: FloatArray, x: FloatArray) -> FloatArray:
-    """A x (m,) of (m, n) and (n,), each entry summed from left to right under both engines."""
-    out = np.zeros(len(a))
-    for j in range(len(x)):
-        out += a[:, j] * x[j]
-    return out
+    return small_times(free, x) + small_times(root, nearest(of_z, bounds - small_times(of_x, x)))
 
 
 def nearest(rows: FloatArray, room: FloatArray) -> FloatArray:
@@ -213,7 +205,7 @@ def remove(
 
 def most_passed(rows: FloatArray, room: FloatArray, z: FloatArray) -> int:
     """The row for which rows z exceeds room by most, or -1 if all hold."""
-    passed, worst, most = combined(rows, z) - room, -1, SLACK
+    passed, worst, most = small_times(rows, z) - room, -1, SLACK
     for i in range(len(passed)):
         if passed[i] > most:
             worst, most = i, passed[i]

@@ -26,9 +26,9 @@ from blocks.core import (
     Output,
     ParameterError,
     Vector,
-    kernel_of,
     param,
     product,
+    small_times,
 )
 
 LONGEST = 1_000  # characters of a text
@@ -183,7 +183,7 @@ class Similarity(_OfWords):
     out = Output(Vector("w"), doc="a number for each word")
 
     def output(self, state: BlockState, t: float, vector: FloatArray) -> FloatArray:
-        return multiplied(state.table, vector)
+        return small_times(state.table, vector)
 
 
 @final
@@ -203,21 +203,4 @@ class Superposition(_OfWords):
         state.columns = np.ascontiguousarray(state.table.T)
 
     def output(self, state: BlockState, t: float, weights: FloatArray) -> FloatArray:
-        return multiplied(state.columns, weights)
-
-
-def multiplied(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    """matrix @ vector, added up in the order of the columns under both engines."""
-    total = np.zeros(len(matrix))
-    for j in range(len(vector)):
-        total += matrix[:, j] * vector[j]
-    return total
-
-
-@kernel_of(multiplied)
-def _multiplied_kernel(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    total = np.zeros(len(matrix))
-    for i in range(len(matrix)):
-        for j in range(len(vector)):
-            total[i] += matrix[i, j] * vector[j]
-    return total
+        return small_times(state.columns, weights)

@@ -38,11 +38,7 @@ class _Stepped(Elementwise):
         state.cells = state.previous.reshape(-1)
 
     def update(self, state: BlockState, t: float, out: Any) -> None:
-        if state.form == "scalar":
-            state.cells[0] = out
-        else:
-            for i in range(state.size):
-                state.cells[i] = out[i]
+        self.store(state, state.cells, out)
 
 
 class RateLimiter(_Stepped):

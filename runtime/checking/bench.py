@@ -313,6 +313,7 @@ _BY_IDENTITY = (
     types.MethodType,
     functools.partial,
 )
+_LEAVES = {float, int, bool, str, bytes, complex, type(None)}  # whose repr tells all bits
 
 
 def snapshot(value: Any, seen: frozenset[int] = frozenset()) -> Hashable:
@@ -321,15 +322,20 @@ def snapshot(value: Any, seen: frozenset[int] = frozenset()) -> Hashable:
     Arrays, numbers, containers and generators are recorded by content, other objects by their
     attributes; functions, classes and modules by identity. NaN equals NaN.
     """
+    cls = type(value)
+    if cls in _LEAVES:  # most of all calls, with 0.0 unlike -0.0, and 1 unlike True
+        return cls, repr(value)
     if id(value) in seen:
         return "a cycle"
-    inside = seen | {id(value)}
-    kind = type(value).__name__
+    kind = cls.__name__
     if isinstance(value, np.ndarray):
         return kind, value.dtype.str, value.shape, value.tobytes()
+    if cls in (list, tuple) and {*map(type, value)} <= _LEAVES:
+        return kind, repr(value)
+    inside = seen | {id(value)}
     if isinstance(value, float):
         return kind, value.hex()
-    if value is None or isinstance(value, (bool, int, complex, str, bytes)):
+    if isinstance(value, (int, complex, str, bytes)):
         return kind, value
     if isinstance(value, bytearray):
         return kind, bytes(value)

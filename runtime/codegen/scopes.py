@@ -29,7 +29,7 @@ class _Renaming(ast.NodeTransformer):
         # Inner comprehensions first: then no name of theirs is left that could be this one's.
         self.generic_visit(node)
         self.count += 1
-        names = {n for loop in node.generators for n in _stored(loop.target)}
+        names = {n for loop in node.generators for n in stored_names(loop.target)}
         # The first iterable is evaluated outside.
         first = set(map(id, ast.walk(node.generators[0].iter)))
         for inner in ast.walk(node):
@@ -55,7 +55,7 @@ def uncertain(parameters: Iterable[str], statements: Sequence[ast.stmt]) -> froz
     """
     flow = _Flow(frozenset(parameters))
     flow.all(statements)
-    stored = {n for s in statements for n in _stored(s)}
+    stored = {n for s in statements for n in stored_names(s)}
     return frozenset(flow.uncertain & stored)
 
 
@@ -93,7 +93,7 @@ class _Flow:
         if isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
             self.read(ast.Name(node.target.id, ast.Load()))
         self.read(node)
-        self.add(_stored(node))
+        self.add(stored_names(node))
         if isinstance(node, (ast.Return, ast.Raise, ast.Continue)):
             self.names = None
 
@@ -102,7 +102,7 @@ class _Flow:
         self.read(node.iter if isinstance(node, ast.For) else node.test)
         before = self.names
         if isinstance(node, ast.For):
-            self.add(_stored(node.target))
+            self.add(stored_names(node.target))
         self.all(node.body)
         endless = isinstance(node, ast.While) and isinstance(node.test, ast.Constant)
         self.names = None if endless else before
@@ -119,7 +119,7 @@ class _Flow:
             name
             for inner in ast.walk(node)
             if isinstance(inner, ast.comprehension)
-            for name in _stored(inner.target)
+            for name in stored_names(inner.target)
         }
         for inner in ast.walk(node):
             if not isinstance(inner, ast.Name) or not isinstance(inner.ctx, ast.Load):
@@ -133,7 +133,8 @@ def _both(a: frozenset[str] | None, b: frozenset[str] | None) -> frozenset[str] 
     return b if a is None else a if b is None else a & b
 
 
-def _stored(node: ast.AST) -> list[str]:
+def stored_names(node: ast.AST) -> list[str]:
+    """The names that are assigned in a part of a tree, as often as they are."""
     return [
         inner.id
         for inner in ast.walk(node)

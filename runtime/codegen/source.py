@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 
-from runtime.codegen.scopes import separated, uncertain
+from runtime.codegen.scopes import separated, stored_names, uncertain
 from runtime.codegen.types import Type
 from runtime.codegen.ziggurat import draws_text
 
@@ -91,7 +91,7 @@ class Function:
                 if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                     found[node.id] += 1
                 if isinstance(node, (ast.For, ast.While, ast.AugAssign, ast.comprehension)):
-                    for inner in _stored(node):
+                    for inner in stored_names(node):
                         found[inner] += 1
         return found
 
@@ -138,7 +138,7 @@ class Function:
         )
         stored = Counter(self.parameters)
         for statement in self.statements:
-            stored.update(_stored(statement))
+            stored.update(stored_names(statement))
         return frozenset(name for name, times in found.items() if times == stored[name])
 
     @cached_property
@@ -158,15 +158,6 @@ def _rebinds(node: ast.AST, name: str) -> bool:
         isinstance(n, ast.For) and isinstance(n.target, ast.Name) and n.target.id == name
         for n in ast.walk(node)
     )
-
-
-def _stored(node: ast.AST) -> list[str]:
-    """Names that are assigned in a loop, which may be more than once."""
-    return [
-        inner.id
-        for inner in ast.walk(node)
-        if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)
-    ]
 
 
 class Failures:

@@ -270,6 +270,7 @@ def is_full(connection: Any) -> bool:
     solver = getattr(connection, "solver", None)
     return (
         isinstance(connection.pre_obj, nengo.Ensemble)
+        and not is_direct(connection.pre_obj)  # nothing is solved there
         and isinstance(connection.post_obj, nengo.Ensemble)
         and bool(getattr(solver, "weights", False))
     )

@@ -133,6 +133,8 @@ class Simulator:
 
     def trange(self, sample_every: float | None = None, dt: float | None = None) -> FloatArray:
         """The times (s) of the rows of probes, or of every so many seconds (formerly ``dt``)."""
+        if dt is not None and sample_every is not None:
+            raise ValidationError("Give sample_every alone, not dt as well", attr="dt", obj=self)
         if dt is not None:
             warnings.warn("dt is now called sample_every", DeprecationWarning, stacklevel=2)
             sample_every = dt

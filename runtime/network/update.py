@@ -76,7 +76,7 @@ def update(
     if wrong or scope.parts or before.signal_types or any(map(document.get, ELSEWHERE)):
         return None
     network, wiring = _wired(before, edit, scope, document, problems, block_cache)
-    if _is_continuous(network) != _is_continuous(before):
+    if network.is_continuous != before.is_continuous:
         return None  # which blocks have events between ticks
     judged = (name for name in edit.blocks if name in edit.near and name in network.entries)
     network = network.changed(only=tuple(judged))
@@ -101,10 +101,6 @@ def update(
     kept = [note for note in before.notes if _owner(note) not in {*edit.near, ""}]
     notes = sorted([*kept, *network.notes], key=_order(edit)) if kept else network.notes
     return network.changed(only=None, notes=tuple(notes)), extra
-
-
-def _is_continuous(network: Network) -> bool:
-    return any(entry.cls.spec.continuous for entry in network.entries.values())
 
 
 def _ends(wire: Wire) -> tuple[str, str]:

@@ -109,24 +109,7 @@ class Deadline:
 def run_task(task: Task) -> TrialResult:
     """Run a trial; any error is part of the result."""
     deadline = Deadline(task.timeout)
-    status: Status = "ok"
-    reason, result, runs = "", None, None
-    try:
-        runs = _taken(task)
-        result = _simulate(task, runs, deadline)
-        if result.status not in ("complete", "stopped"):
-            # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
-            status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
-        else:
-            # What a single run has as a note: its numbers are not those of the compiled engine.
-            reason = "; ".join(result.manifest["engine_notes"])
-    except GraphError as error:
-        status, reason = "invalid", str(error)
-    except SimulationError as error:
-        status, reason = "failed", str(error)
-        result = error.result if isinstance(error.result, Result) else None
-    except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
-        status, reason = "failed", f"{type(error).__name__}: {error}"
+    status, reason, result, runs = _ended(task, deadline)
     if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
@@ -148,6 +131,34 @@ def run_task(task: Task) -> TrialResult:
     if runs is not None and not is_kept:
         _idle.append(runs)
     return done
+
+
+def _ended(
+    task: Task, deadline: Deadline
+) -> tuple[Status, str, Result | None, RepeatedRuns | None]:
+    """How a trial ended and why, with its result and the runs of its graph, as far as it came."""
+    runs = None
+    try:
+        runs = _taken(task)
+        values, seed = _values_of(task.trial.configuration.edits), task.trial.seed
+        result = runs.run(values, seed, deadline, whole=bool(task.keep))
+    except GraphError as error:
+        return "invalid", str(error), None, runs
+    except SimulationError as error:
+        return (
+            "failed",
+            str(error),
+            error.result if isinstance(error.result, Result) else None,
+            runs,
+        )
+    except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
+        return "failed", f"{type(error).__name__}: {error}", None, runs
+    if result.status not in ("complete", "stopped"):
+        # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
+        reason = f"a block raised KeyboardInterrupt at tick {result.ticks}"
+        return "failed", reason, result, runs
+    # What a single run has as a note: its numbers are not those of the compiled engine.
+    return "ok", "; ".join(result.manifest["engine_notes"]), result, runs
 
 
 def run_tasks(tasks: Sequence[Task]) -> list[TrialResult]:
@@ -231,12 +242,6 @@ def _taken(task: Task) -> RepeatedRuns:
         if idle.key == (bundle, plots):
             return idle
     return RepeatedRuns(_load(bundle), plots, (bundle, plots))
-
-
-def _simulate(task: Task, runs: RepeatedRuns, deadline: Deadline) -> Result:
-    trial = task.trial
-    values = _values_of(trial.configuration.edits)
-    return runs.run(values, trial.seed, deadline, whole=bool(task.keep))
 
 
 @lru_cache(CACHED_GRAPHS)

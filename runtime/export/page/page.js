@@ -1,9 +1,9 @@
 "use strict";
 // The simulation is a WebAssembly module; this script steps it, and draws what it returns.
-// A change of appearance loads the page again.
-const COLOURS = matchMedia("(prefers-color-scheme: dark)").matches
-  ? ["#56b4e9", "#e69f00", "#2fc79b", "#e69bc3", "#d9c54a", "#9db7e8", "#ff8f66"]
-  : ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#e69f00"];
+const LIGHT = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#e69f00"];
+const DARK = ["#56b4e9", "#e69f00", "#2fc79b", "#e69bc3", "#d9c54a", "#9db7e8", "#ff8f66"];
+const appearance = matchMedia("(prefers-color-scheme: dark)");
+let COLOURS = LIGHT;  // in a frame, the appearance is known after this script has begun
 const BUDGET = 12;  // ms of computation between two frames
 const byId = (id) => document.getElementById(id);
 const token = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -203,6 +203,7 @@ document.addEventListener("keydown", (event) => {
 // ---- plots
 
 function plots() {
+  COLOURS = appearance.matches ? DARK : LIGHT;
   for (const spec of DATA.plots) {
     const box = document.createElement("section");
     box.className = "plot";
@@ -214,7 +215,7 @@ function plots() {
       : spec.charts.map((chart) => curves(box, chart));
     spec.draw = () => drawn.forEach((one) => one());
   }
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => location.reload());
+  appearance.addEventListener("change", () => location.reload());
   new ResizeObserver(() => { page.dirty = true; }).observe(byId("plots"));
 }
 

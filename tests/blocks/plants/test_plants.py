@@ -144,7 +144,7 @@ def test_three_links_keep_their_energy(engine: str) -> None:
     """Kinetic energy by the mass matrix, potential energy by the heights of the centers."""
     graph = {
         "run": {
-            **{"dt": 0.01, "until": 2.0, "engine": engine},
+            **{"dt": 0.01, "until": 1.0, "engine": engine},
             **{"solver": "dopri5", "rtol": 1e-11, "atol": 1e-11},
         },
         "blocks": {"arm": {"type": "PlanarArm", **THREE, "q0": [1.0, 0.5, -2.0]}},

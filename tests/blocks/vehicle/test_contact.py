@@ -158,4 +158,4 @@ def test_a_body_needs_a_world() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, R])
 def test_it_keeps_the_rules_of_blocks(radius: float) -> None:
-    check_block(DifferentialDrive(body_radius=radius), world=World(OVERLAPPING), ticks=200)
+    check_block(DifferentialDrive(body_radius=radius), world=World(OVERLAPPING), ticks=30, dt=0.1)

@@ -114,6 +114,68 @@ def test_a_cortex_m4_does_the_same(
     assert "500 ticks" in done.stdout
 
 
+ON_BOARD = """
+#include <stdio.h>
+#include "controller.h"
+static struct controller one, other;
+static unsigned char saved[CONTROLLER_SAVED], learnt[CONTROLLER_LEARNT];
+static struct controller_outputs drive(struct controller *c, int tick)
+{
+    struct controller_inputs in = {.plant_pose = {0.001 * tick, 0.3, 0.1}};
+    struct controller_outputs out = {0};
+    if (controller_step(c, &in, &out)) printf("failure at %d\\n", tick);
+    return out;
+}
+int main(void)
+{
+    int wrong = 0;
+    controller_init(&one);
+    for (int k = 0; k < 100; k++) drive(&one, k);
+    if (controller_set(&one, "limit.omega_max", 0, 0.125)) wrong |= 1;
+    if (drive(&one, 100).limit_limited[1] > 0.125) wrong |= 2;
+    controller_save(&one, saved);
+    controller_save_learnt(&one, learnt);
+    controller_init(&other);
+    if (controller_load(&other, saved)) wrong |= 4;
+    for (int k = 101; k < 200; k++) {
+        const struct controller_outputs a = drive(&one, k), b = drive(&other, k);
+        for (int i = 0; i < 2; i++) wrong |= 8 * (a.limit_limited[i] != b.limit_limited[i]);
+    }
+    learnt[20] ^= 1;
+    if (!controller_load_learnt(&other, learnt)) wrong |= 16;
+    learnt[20] ^= 1;
+    controller_init(&other);
+    if (controller_load_learnt(&other, learnt)) wrong |= 32;
+    other.learning = false;
+    const double weight = other.adaptive_snn_v__weights[0];
+    for (int k = 0; k < 50; k++) drive(&other, k);
+    if (other.adaptive_snn_v__weights[0] != weight) wrong |= 64;
+    printf("%s: %d bytes saved, %d learnt, problems %d\\n", wrong ? "WRONG" : "fine",
+        CONTROLLER_SAVED, CONTROLLER_LEARNT, wrong);
+    return wrong != 0;
+}
+"""
+
+
+@pytest.mark.slow
+def test_parameters_change_and_weights_are_saved_on_a_cortex_m4(
+    case_a: Path, tmp_path: Path
+) -> None:
+    compiler = shutil.which("arm-none-eabi-gcc")
+    if compiler is None or shutil.which(EMULATOR[0]) is None:
+        pytest.skip("needs the packages gcc-arm-none-eabi and qemu-system-arm")
+    (tmp_path / "main.c").write_text(ON_BOARD)
+    sources = [BOARD / "boot.c", case_a / "controller.c", tmp_path / "main.c"]
+    flags = ("-std=gnu99", "-O2", "-ffp-contract=off", "-Wall", "-Werror", f"-I{case_a}", *CORTEX)
+    link = ("--specs=rdimon.specs", "-nostartfiles", "-T", BOARD / "memory.ld", "-lm")
+    program = tmp_path / "board.elf"
+    subprocess.run([compiler, *flags, *sources, *link, "-o", program], check=True)
+    done = subprocess.run(
+        [*EMULATOR, *SEMIHOSTING, program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0 and done.stdout.startswith("fine"), done.stdout + done.stderr
+
+
 @needs_compiler
 def test_a_test_that_replays_something_else_fails(case_a: Path, tmp_path: Path) -> None:
     for name in ("controller.c", "controller.h", "controller_test.c"):

@@ -127,11 +127,13 @@ def test_random_edits_and_places() -> None:
 
 @pytest.mark.slow
 def test_five_thousand_random_edits_and_places_in_bounded_memory() -> None:
-    ask_all(seed=2, count=500, per_file=20)
+    ask_all(seed=2, count=4250, per_file=20)
+    # Tracing takes three times as long, so a part of the edits is traced: what caches hold at a
+    # time differs by 6 MB, and 6 kB that each edit leaves behind would be 3 MB more.
     tracemalloc.start()
-    ask_all(seed=3, count=500, per_file=2)  # so that every file has been read
+    ask_all(seed=3, count=250, per_file=1)  # so that every file has been read
     before, _ = tracemalloc.get_traced_memory()
-    ask_all(seed=4, count=4000, per_file=20)
+    ask_all(seed=4, count=500, per_file=20)
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert after - before < 30e6
+    assert after - before < 9e6

@@ -21,8 +21,14 @@ FUNCTIONS = (
     lambda x: np.sin(3 * x),
     lambda x: [x[0] * x[-1]],
 )
-KINDS = (nengo.LIF, nengo.LIFRate, nengo.RectifiedLinear, nengo.SpikingRectifiedLinear)
-SYNAPSES = (0.005, 0.03, nengo.Alpha(0.02))
+KINDS = (
+    *(nengo.LIF(), nengo.LIFRate(), nengo.RectifiedLinear(), nengo.SpikingRectifiedLinear()),
+    *(nengo.AdaptiveLIF(), nengo.Sigmoid(), nengo.RegularSpiking(nengo.LIFRate(), amplitude=0.5)),
+)
+SYNAPSES = (
+    *(0.005, 0.03, nengo.Alpha(0.02), nengo.Triangle(0.006)),
+    nengo.LinearFilter([1.0, 40.0], [0.02, 1.0, 40.0]),
+)
 
 
 @st.composite
@@ -31,7 +37,7 @@ def networks(draw: Any) -> Any:
     with nengo.Network(seed=draw(st.integers(0, 1000))) as network:
         stimulus = nengo.Node(lambda t: [np.sin(6 * t), np.cos(4 * t), 0.5])
         relay = nengo.Node(size_in=3)
-        nengo.Connection(stimulus, relay, synapse=draw(st.sampled_from((None, 0.01))))
+        nengo.Connection(stimulus, relay, synapse=draw(st.sampled_from((None, *SYNAPSES))))
         places: list[tuple[Any, Any, int]] = []
         for _ in range(draw(st.integers(1, 3))):
             d = draw(st.integers(1, 3))
@@ -39,7 +45,7 @@ def networks(draw: Any) -> Any:
                 array = nengo.networks.EnsembleArray(12, max(2, d), radius=1.2)
                 places.append((array.input, array.output, max(2, d)))
                 continue
-            kind = draw(st.sampled_from(KINDS))()
+            kind = draw(st.sampled_from(KINDS))
             radius = draw(st.sampled_from((1.0, 1.7)))
             made = nengo.Ensemble(draw(st.integers(8, 30)), d, neuron_type=kind, radius=radius)
             places.append((made, made, d))
@@ -62,17 +68,35 @@ def connect(draw: Any, before: Any, into: Any, d: int, k: int) -> None:
     transform = np.random.default_rng(draw(st.integers(0, 99))).uniform(-0.5, 0.5, (rows, size))
     learns = isinstance(before, nengo.Ensemble) and isinstance(into, nengo.Ensemble)
     learns = learns and draw(st.integers(0, 3)) == 0
-    rule = nengo.PES(1e-4) if learns else None
+    synapse = draw(st.sampled_from(SYNAPSES))
+    if learns and draw(st.booleans()):
+        between_neurons(draw, before, into, synapse)
+        return
+    weights = learns and draw(st.booleans())
     made = nengo.Connection(
         before,
         into[first : first + rows],
-        synapse=draw(st.sampled_from(SYNAPSES)),
+        synapse=synapse,
         transform=transform,
         function=function,
-        learning_rule_type=rule,
+        solver=nengo.solvers.LstsqL2(weights=weights),
+        learning_rule_type=nengo.PES(1e-4, pre_synapse=0.01) if learns else None,
     )
-    if rule is not None:
+    if learns and draw(st.booleans()):
         nengo.Connection(into[first : first + rows], made.learning_rule, synapse=0.02)
+
+
+def between_neurons(draw: Any, before: Any, into: Any, synapse: Any) -> None:
+    rules = (None, nengo.Oja(1e-7), nengo.BCM(1e-10), nengo.PES(1e-5))
+    shape = (into.n_neurons, before.n_neurons)
+    weights = np.random.default_rng(draw(st.integers(0, 99))).uniform(-1e-3, 1e-3, shape)
+    nengo.Connection(
+        before.neurons,
+        into.neurons,
+        synapse=synapse,
+        transform=weights,
+        learning_rule_type=draw(st.sampled_from(rules)),
+    )
 
 
 @pytest.mark.slow

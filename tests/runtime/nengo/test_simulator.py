@@ -182,3 +182,14 @@ def test_an_error_of_a_function_reaches_its_author() -> None:
         nengo.Node(lambda t: 1 / 0, size_out=1)
     with Simulator(network) as ours, pytest.raises(ZeroDivisionError):
         ours.step()
+
+
+def test_a_solver_of_weights_is_left_aside_without_neurons() -> None:
+    with nengo.Network(seed=8) as network:
+        network.config[nengo.Ensemble].neuron_type = nengo.Direct()
+        a, b = nengo.Ensemble(1, 2), nengo.Ensemble(1, 3)
+        nengo.Connection(nengo.Node([0.4, -0.8]), a)
+        solver = nengo.solvers.LstsqL2(weights=True)
+        nengo.Connection(a[[1, 0]], b[::2], solver=solver)
+        nengo.Probe(b, synapse=0.01)
+    equal(network)

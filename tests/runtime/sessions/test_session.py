@@ -190,6 +190,24 @@ def test_what_is_kept_is_the_last_part(engine: str) -> None:
         assert np.array_equal(result.time(name), whole.time(name)[-rows:])
 
 
+@pytest.mark.slow
+def test_an_hour_takes_as_much_memory_as_some_minutes() -> None:
+    resource = pytest.importorskip("resource")
+    # As long from the start: a session that grows beyond its end plans anew, with other memory.
+    stable = runtime.load(SERVO).set("gain.gain", -2.0).set("run.until", 3600.0)
+    session = stable.session(engine="compiled", keep=10.0)
+    peak = {}
+    for minute in range(1, 61):
+        session.run(60.0)
+        session.write("push", 0.01 * minute)
+        peak[minute] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # MB, on Linux
+    assert session.tick == 3_600_000 and len(session.log) == 60
+    sinks = session._engine.recorder.sinks.values()
+    assert sum(part.nbytes for sink in sinks for part in sink.parts) < 8e6  # 25 numbers a tick
+    assert peak[60] - peak[5] < 10.0
+    assert session.result().time("x")[0] == pytest.approx(3590.0)
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_run_keeps_the_last_part_as_well(engine: str, tmp_path: Path) -> None:
     graph = runtime.load({**SERVO, "run": {**SERVO["run"], "keep": "200 s", "time_unit": "s"}})
