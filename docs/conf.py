@@ -72,6 +72,16 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", completed)
     app.connect("doctree-resolved", link_blocks)
     app.connect("html-page-context", describe)
+    app.connect("html-page-context", name_sections, priority=900)  # after the theme
+
+
+def name_sections(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: nodes.document | None
+) -> None:
+    """Give the sections of the contents, which the theme calls headings, a level."""
+    contents = context.get("furo_navigation_tree", "")
+    leveled = contents.replace('role="heading"', 'role="heading" aria-level="2"')
+    context["furo_navigation_tree"] = leveled
 
 
 def describe(

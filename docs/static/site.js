@@ -15,6 +15,12 @@ document.addEventListener("DOMContentLoaded", () => {
     });
     block.append(button);
   }
+  // A table that is wider than the page scrolls, by keyboard as well.
+  for (const frame of document.querySelectorAll(".table-wrapper")) {
+    frame.tabIndex = 0;
+    frame.setAttribute("role", "region");
+    frame.setAttribute("aria-label", frame.querySelector("caption")?.textContent ?? "table");
+  }
   const filter = document.querySelector("#filter");
   if (!filter) return;
   const show = () => {
