@@ -17,7 +17,7 @@ from runtime.errors import UsageError
 from runtime.export.files import Replay, header, source, test
 from runtime.export.layout import Layout
 from runtime.export.names import check_name
-from runtime.export.recording import Native, record, run_natively, usual_ticks
+from runtime.export.recording import TOLERANCE, Native, record, run_natively, usual_ticks
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
 from runtime.export.units import measure, write_units
@@ -25,7 +25,6 @@ from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
 from runtime.toolchain import available
 
-TOLERANCE = 1e-9
 MARGIN = 4.0  # of a tolerance over the deviation that was measured on this computer
 SPARE = 1.25  # of the arena over what was used, where sizes depend on data
 UNMEASURED = 2**24  # bytes of the arena where sizes depend on data, before they are measured
@@ -165,7 +164,11 @@ def _check(native: Native, float32: bool) -> None:
     for port, apart in native.largest.items():
         if not float32 and not apart <= TOLERANCE:
             message = f"the C text gives another '{'.'.join(port)}' than the graph, by {apart:.3g}"
-            raise UsageError(f"{message}: nothing was written; please report this")
+            chaos = f"--ticks {native.equal}" if native.equal else "fewer --ticks"
+            raise UsageError(
+                f"{message}, from tick {native.equal} on: nothing was written. If the graph makes "
+                f"more of the last bits (chaos), use {chaos}; otherwise, please report this"
+            )
 
 
 def _tolerance(native: Native | None, float32: bool) -> tuple[float, str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, IntArray
 from runtime.codegen import draws_text, support
 from runtime.engine.compiled import Ending
 from runtime.export.interface import C_TYPES, InterfaceText, literal, renamed, table
@@ -40,6 +40,7 @@ HELPERS = {
         ),
     )
 }
+FIRST = 100  # ticks on which the generated test compares, before it takes some
 VERSION = 1  # of saved bytes
 HEAD = 12  # bytes that tell of which controller saved bytes are, and their check
 HELPERS["pick"] = """static double pick(bool condition, double one, double other)
@@ -56,10 +57,28 @@ class Replay:
     """A recorded run: the values of inputs and outputs on the ticks on which each is new.
 
     ticks : length of the recording. values : (rows, numbers) for each signal.
+    run : ticks of the whole run. every : on each so many ticks, and the first and last ones, the
+        generated test compares.
     """
 
     ticks: int
     values: Mapping[Port, FloatArray]
+    run: int
+    every: int
+
+    @property
+    def compared(self) -> IntArray:
+        """The ticks that the generated test has recorded outputs of."""
+        last = self.ticks - 1
+        chosen = [k for k in range(self.ticks) if k < FIRST or k % self.every == 0 or k == last]
+        return np.array(chosen, dtype=np.int64)
+
+    @property
+    def covered(self) -> str:
+        """What part of the run this is."""
+        if self.ticks == self.run:
+            return f"all {self.ticks} ticks of the run"
+        return f"the first {self.ticks} of {self.run} ticks"
 
 
 def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
@@ -242,11 +261,18 @@ def _quoted(text: str) -> str:
 def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32: bool) -> str:
     """A program that replays a recording and compares every output."""
     name, selection = layout.name, layout.selection
-    ports = [*selection.inputs, *selection.outputs]
-    tables = [table(f"table_{layout.names[port]}", replay.values[port]) for port in ports]
-    gives = [_row(layout, port, "in.{0} = ({2}){1};", float32) for port in selection.inputs]
+    compared = replay.compared
+    rows = {port: replay.values[port] for port in selection.inputs}
+    for port in selection.outputs:
+        rows[port] = replay.values[port][compared // selection.every(port)]
+    tables = [table(f"table_{layout.names[port]}", values) for port, values in rows.items()]
+    form = f"in.{{0}} = ({'float' if float32 else 'double'}){{1}};"
+    gives = [
+        " " * 8 + _row(layout, port, form, "tick", selection.every(port))
+        for port in selection.inputs
+    ]
     compares = [
-        _row(layout, port, f"compare({i}, (double)out.{{0}}, {{1}});", float32)
+        " " * 8 + _row(layout, port, f"compare({i}, (double)out.{{0}}, {{1}});", "row")
         for i, port in enumerate(selection.outputs)
     ]
     labels = ", ".join(_quoted(".".join(port)) for port in selection.outputs)
@@ -254,6 +280,10 @@ def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32:
     unused = [] if selection.inputs else ["        in.none = 0;"]
     return TEST.substitute(
         ticks=replay.ticks,
+        covered=replay.covered,
+        first=FIRST,
+        every=replay.every,
+        compared=len(compared),
         stopped=layout.failures[("stopped",)][0],
         name=name,
         reason=comment(reason),
@@ -266,18 +296,14 @@ def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32:
     )
 
 
-def _row(layout: Layout, port: Port, form: str, float32: bool) -> str:
+def _row(layout: Layout, port: Port, form: str, row: str, every: int = 1) -> str:
     """A statement about a signal of the present tick and its row in the table."""
     name, count = layout.names[port], layout.count(port)
-    every = layout.selection.every(port)
-    row = "tick" if every == 1 else f"tick / {every}"
-    c_type = "float" if float32 else "double"
+    row = row if every == 1 else f"({row} / {every})"
     if layout.kind(port).form == "scalar":
-        return " " * 8 + form.format(name, f"table_{name}[{row}]", c_type)
-    row = row if every == 1 else f"({row})"
-    place = f"table_{name}[{row} * {count} + i]"
-    statement = form.format(f"{name}[i]", place, c_type)
-    return " " * 8 + f"for (int i = 0; i < {count}; i++) {statement}"
+        return form.format(name, f"table_{name}[{row}]")
+    statement = form.format(f"{name}[i]", f"table_{name}[{row} * {count} + i]")
+    return f"for (int i = 0; i < {count}; i++) {statement}"
 
 
 def single(text: str) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from blocks.core import FloatArray
 from runtime.engine import Engine
 from runtime.errors import UsageError
 from runtime.export.files import Replay
@@ -19,20 +22,28 @@ from runtime.plan import Port, numbers_in
 from runtime.toolchain import TranslationUnit, build
 
 AnyArray = np.ndarray[Any, Any]
-MOST_NUMBERS = 200_000  # in the tables of a test
-USUAL_TICKS, USUAL_ROWS = 1000, 50
+TOLERANCE = 1e-9  # of double, where only the last bits may differ
+MOST_NUMBERS = 200_000  # of inputs and of outputs in the tables of a test
+MOST_TICKS = 50_000  # of a run that is recorded whole: seconds in Python
+USUAL_ROWS = 1000  # of outputs that a test compares after its first ticks
 FILL = 0xA5
 
 
 def usual_ticks(selection: Selection) -> int:
-    """Ticks that show every rate, in tables of a moderate size."""
-    ports = (*selection.inputs, *selection.outputs)
-    slowest = max(selection.every(port) for port in ports)
-    ticks = min(selection.network.ticks, max(USUAL_TICKS, USUAL_ROWS * slowest))
-    layout_free = sum(
-        numbers_in(selection.network.types[port]) / selection.every(port) for port in ports
-    )
-    return max(1, min(ticks, int(MOST_NUMBERS / max(layout_free, 1e-9))))
+    """The whole run, or as much of it as fits into tables of a moderate size."""
+    network = selection.network
+    given = sum(numbers_in(network.types[p]) / selection.every(p) for p in selection.inputs)
+    return max(1, min(network.ticks, MOST_TICKS, int(MOST_NUMBERS / max(given, 1e-9))))
+
+
+def thinned(selection: Selection, ticks: int) -> int:
+    """On each so many of the ticks a test compares: spread over all of them, in every phase of
+    slower outputs, in tables of a moderate size.
+    """
+    numbers = sum(numbers_in(selection.network.types[port]) for port in selection.outputs)
+    rows = min(USUAL_ROWS, max(1, MOST_NUMBERS // max(1, numbers)))
+    rates = math.lcm(*(selection.every(port) for port in selection.outputs))
+    return next(n for n in itertools.count(-(-ticks // rows)) if math.gcd(n, rates) == 1)
 
 
 def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
@@ -58,7 +69,9 @@ def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
         )
         for port, name in names.items()
     }
-    return Replay(outcome.ticks, values)
+    ran = outcome.ticks
+    run = selection.network.ticks if ran == ticks else ran  # shorter where the run ends itself
+    return Replay(ran, values, run, thinned(selection, ran))
 
 
 def still(replay: Replay, outputs: Sequence[Port]) -> list[str]:
@@ -71,10 +84,12 @@ class Native:
     """What a native run of the C text showed.
 
     largest : for each output, the largest difference, divided by 1 + |recorded value|.
+    equal : ticks before the first such difference above TOLERANCE.
     arena : bytes of the arena that were used. size : bytes of the struct.
     """
 
     largest: dict[Port, float]
+    equal: int
     arena: int
     size: int
 
@@ -109,7 +124,7 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
     message.restype = ctypes.c_char_p
     places = [ctypes.c_void_p(array.ctypes.data) for array in (memory, given, made)]
     getattr(library, f"{name}_init")(places[0])
-    largest = dict.fromkeys(outputs, 0.0)
+    found = np.empty((replay.ticks, made.size))
     stopped = layout.failures[("stopped",)][0]
     for tick in range(replay.ticks):
         _rows(layout, inputs, replay, tick, given)
@@ -117,15 +132,25 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
         if failure and not (failure == stopped and tick + 1 == replay.ticks):
             text = message(failure).decode()
             raise UsageError(f"the exported text fails at tick {tick} of the recording: {text}")
-        at = 0
-        for port in outputs:
-            row = replay.values[port][tick // layout.selection.every(port)]
-            found = made[at : at + len(row)].astype(np.float64)
-            at += len(row)
-            with np.errstate(invalid="ignore"):
-                apart = np.where(found == row, 0.0, np.abs(found - row) / (1.0 + np.abs(row)))
-            largest[port] = max(largest[port], float(np.max(apart, initial=0.0)))
-    return Native(largest, int(getattr(library, f"{name}_used")(places[0])), size)
+        found[tick] = made
+    largest, equal = _apart(layout, replay, found)
+    return Native(largest, equal, int(getattr(library, f"{name}_used")(places[0])), size)
+
+
+def _apart(layout: Layout, replay: Replay, found: FloatArray) -> tuple[dict[Port, float], int]:
+    """The largest difference of each output, and the ticks before one is above TOLERANCE."""
+    largest: dict[Port, float] = {}
+    at, equal = 0, replay.ticks
+    for port in layout.selection.outputs:
+        rows = replay.values[port][np.arange(replay.ticks) // layout.selection.every(port)]
+        own = found[:, at : at + rows.shape[1]]
+        at += rows.shape[1]
+        with np.errstate(invalid="ignore"):
+            apart = np.where(own == rows, 0.0, np.abs(own - rows) / (1.0 + np.abs(rows)))
+        largest[port] = float(np.max(apart, initial=0.0))
+        wrong = ~(apart <= TOLERANCE).all(axis=1)
+        equal = min(equal, int(wrong.argmax())) if wrong.any() else equal
+    return largest, equal
 
 
 def _rows(

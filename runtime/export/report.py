@@ -83,7 +83,7 @@ def report(
         lines.append(f"    {sizes['static']} bytes of static data")
     lines += ["", "Largest number of operations of a step"]
     lines += _operations(layout)
-    lines += ["", f"Replay of {replay.ticks} recorded ticks, tolerance {tolerance:g}"]
+    lines += ["", f"Replay of {replay.covered}, tolerance {tolerance:g}"]
     if native is None:
         lines.append("  not run: there is no C compiler on this computer")
     else:

@@ -35,7 +35,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument("--float32", action="store_true", help="compute in float, not in double")
     message = "an input that is not finite keeps its last value, instead of a failure"
     parser.add_argument("--hold-inputs", action="store_true", help=message)
-    message = "length of the recorded run that the test replays"
+    message = "replay only so many ticks (all; at most 50,000, or 200,000 numbers of inputs)"
     parser.add_argument("--ticks", type=integer(1, MOST_TICKS), metavar="N", help=message)
     message = "a value that the reader of a page may change, as fault.gain[1]=0..1"
     parser.add_argument("--slider", action="append", metavar="NAME=LOW..HIGH", help=message)

@@ -6,6 +6,7 @@ import ctypes
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ import runtime
 from blocks import Block, Input, Output, Scalar, State
 from runtime import toolchain
 from runtime.export import export
+from runtime.export.recording import thinned, usual_ticks
 from runtime.export.report import cortex_sizes
+from runtime.export.selection import select
 from runtime.runs import read_run
 from runtime.toolchain import TranslationUnit, build
 from tests.conftest import Run
@@ -29,6 +32,7 @@ SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 BOARD = Path(__file__).parent / "cortex_m4"
 EMULATOR = ("qemu-system-arm", "-M", "mps2-an386", "-nographic")
+LATE = "    if (c->tick == 2499) c->block__weights[0] += 1.0"
 SEMIHOSTING = ("-semihosting-config", "enable=on,target=native", "-kernel")
 
 needs_compiler = pytest.mark.skipif(
@@ -226,6 +230,31 @@ def chain(block: Block, every: int = 1) -> runtime.Graph:
     graph = graph.add("block", block, dt=0.01 * every).add("reader", blocks.Gain(gain=2.0))
     graph = graph.connect("signal.value", "noise.input").connect("noise.out", "block.input")
     return graph.connect("block.out", "reader.input")
+
+
+@needs_compiler
+def test_the_replay_is_of_the_whole_run(tmp_path: Path) -> None:
+    """A fault of the last tick is found, which is not among the first thousand."""
+    graph = chain(Total()).set("run.until", 25.0).set("blocks.noise.initial", 1.0)
+    made = export(graph, tmp_path, blocks=["block"])
+    assert "Replay of all 2500 ticks of the run" in made.report
+    assert "2500 ticks, 900 of them compared" in replayed(tmp_path)  # 100, and each third
+    source = (tmp_path / "controller.c").read_text()
+    (tmp_path / "controller.c").write_text(source.replace("c->tick++", "c->tick++;\n" + LATE, 1))
+    with pytest.raises(AssertionError, match="WRONG block.out"):
+        replayed(tmp_path)
+    first = export(graph, tmp_path, blocks=["block"], ticks=1500)
+    assert "Replay of the first 1500 of 2500 ticks" in first.report
+
+
+def test_the_replay_has_an_upper_limit() -> None:
+    graph = chain(Total()).set("run.until", 1000.0)
+    network = graph.network
+    one = select(network, graph.program().plan, frozenset({"block"}))
+    assert network.ticks == 100_000 and usual_ticks(one) == 50_000
+    many = replace(one, inputs=one.inputs * 8)
+    assert usual_ticks(many) == 25_000  # 200,000 numbers
+    assert thinned(one, 50_000) == 50
 
 
 @needs_compiler
