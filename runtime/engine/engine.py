@@ -244,6 +244,9 @@ class Engine:
             outcome.python_from, outcome.notes = self.exact.python_from, self.exact.notes
         outcome.arrays = self.recorder.finish(self.state.tick)
         outcome.events = self.log
+        if outcome.events is not None and len(outcome.events) == len(self.namespace["log"]):
+            at = f"{len(outcome.events)} events, the last at t = {outcome.events[-1, 0]:g}"
+            outcome.notes = [*outcome.notes, f"probes of events are full after {at}"]
         return outcome
 
     @property

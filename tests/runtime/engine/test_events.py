@@ -356,6 +356,19 @@ def test_hits_are_recorded_in_one_direction(engine: str) -> None:
     assert result["count"][-1] == 2.0 and not result.notes
 
 
+def test_a_full_log_of_events_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.plan.building.MOST_EVENTS", 2)
+    document = {
+        "run": {"dt": 0.01, "until": 9.0, "engine": "python"},
+        "blocks": {**SINE, **HITS, "x": {"type": "Integrator"}},
+        "wires": {"hits": {"input": "wave.out"}, "x": {"input": "wave.out"}},
+        "probes": {"at": {"events": "hits"}, "count": "hits.count"},
+    }
+    result = runtime.load(document).run()
+    assert len(result["at"]) == 2 and result["count"][-1] == 5.0
+    assert result.notes == ["probes of events are full after 2 events, the last at t = 2.16667"]
+
+
 def test_a_probe_of_events_that_act_on_ticks_is_noted() -> None:
     document = {
         "run": {"dt": 0.01, "until": 3.0},
