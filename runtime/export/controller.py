@@ -17,7 +17,14 @@ from runtime.errors import UsageError
 from runtime.export.files import Replay, header, source, test
 from runtime.export.layout import Layout
 from runtime.export.names import check_name
-from runtime.export.recording import TOLERANCE, Native, record, run_natively, usual_ticks
+from runtime.export.recording import (
+    FLOAT_TOLERANCE,
+    TOLERANCE,
+    Native,
+    record,
+    run_natively,
+    usual_ticks,
+)
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
 from runtime.export.units import measure, write_units
@@ -25,11 +32,9 @@ from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
 from runtime.toolchain import available
 
-MARGIN = 4.0  # of a tolerance over the deviation that was measured on this computer
 SPARE = 1.25  # of the arena over what was used, where sizes depend on data
 UNMEASURED = 2**24  # bytes of the arena where sizes depend on data, before they are measured
 SOLVERS = re.compile(r"^static void ((?:solver|loop)_\w+)\(", re.MULTILINE)
-UNKNOWN = 1e-2  # the tolerance of float32 where nothing was measured
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,7 @@ def export(
     float32: bool = False,
     ticks: int | None = None,
     hold: bool = False,
+    tolerance: float | None = None,
 ) -> Exported:
     """Write blocks of a graph as C: source, header, test and report.
 
@@ -72,13 +78,17 @@ def export(
     float32 : compute in float instead of double.
     ticks : length of the recorded run that the test replays.
     hold : inputs that are not finite keep their last value, instead of being a failure.
+    tolerance : of the test of float32, a share of each output's range (0.001). A larger difference
+        is a warning in the report, and the test fails.
 
     Raises
     ------
-    UsageError : a name is unknown, or there is nothing to export.
+    UsageError : a tolerance without float32; a name is unknown, or there is nothing to export.
     GraphError : blocks cannot be exported; each is named with the reason.
     """
     check_name(name)
+    if tolerance is not None and not float32:
+        raise UsageError("--tolerance: this option is for --float32; double has to be equal")
     network = graph.network
     names = named_blocks(network, blocks, others)
     switches = sorted(name for name in names if network.holds(name))
@@ -94,14 +104,14 @@ def export(
     if switches:
         about.append(f"Events on ticks, as with run: {{events: ticks}}: {', '.join(switches)}.")
     layout, native = _measured(layout, about, replay, float32)
-    tolerance, reason = _tolerance(native, float32)
+    tolerance, reason = _tolerance(native, float32, tolerance)
     files = {
         f"{name}.h": header(layout, about, float32),
         f"{name}.c": source(layout, about, float32),
     }
     sizes = cortex_sizes(files)
     files[f"{name}_test.c"] = test(layout, replay, tolerance, reason, float32)
-    files["report.txt"] = report(layout, about, native, sizes, tolerance, replay)
+    files["report.txt"] = report(layout, about, native, sizes, tolerance, replay, float32)
     with system_errors(f"write to '{folder}'"):
         place = own_folder(Path(folder))
         for file, content in files.items():
@@ -171,17 +181,13 @@ def _check(native: Native, float32: bool) -> None:
             )
 
 
-def _tolerance(native: Native | None, float32: bool) -> tuple[float, str]:
-    """The tolerance of the test, and where it comes from."""
+def _tolerance(native: Native | None, float32: bool, given: float | None) -> tuple[float, str]:
+    """The tolerance of the test, and what was seen when it was written."""
+    value = (FLOAT_TOLERANCE if given is None else given) if float32 else TOLERANCE
     if native is None:
-        value = UNKNOWN if float32 else TOLERANCE
         return value, "Not run when it was written, since there was no C compiler."
     seen = f"When it was written, the largest difference was {native.worst:.3g}"
-    if not float32:
-        return TOLERANCE, f"{seen}."
-    value = max(1e-6, MARGIN * native.worst)
-    digits = 10.0 ** math.floor(math.log10(value))
-    return math.ceil(value / digits) * digits, f"{seen}, which is what float makes of double."
+    return value, f"{seen} of its range, by float instead of double." if float32 else f"{seen}."
 
 
 def about(graph: Graph) -> str:

@@ -73,6 +73,14 @@ class Replay:
         chosen = [k for k in range(self.ticks) if k < FIRST or k % self.every == 0 or k == last]
         return np.array(chosen, dtype=np.int64)
 
+    def range_of(self, port: Port) -> float:
+        """The largest range of a signal's numbers; of constant ones their size, or 1 of zeros."""
+        values = self.values[port]
+        finite = np.where(np.isfinite(values), values, np.nan)
+        finite = finite[:, ~np.isnan(finite).all(axis=0)]
+        widest = float(np.max(np.nanmax(finite, 0) - np.nanmin(finite, 0), initial=0.0))
+        return widest or float(np.nanmax(np.abs(finite), initial=0.0)) or 1.0
+
     @property
     def covered(self) -> str:
         """What part of the run this is."""
@@ -281,6 +289,9 @@ def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32:
     return TEST.substitute(
         ticks=replay.ticks,
         covered=replay.covered,
+        scale="ranges[output]" if float32 else "(1.0 + fabs(recorded))",
+        measure="its range" if float32 else "1 + |recorded value|",
+        ranges=_ranges(replay, selection.outputs) if float32 else "",
         first=FIRST,
         every=replay.every,
         compared=len(compared),
@@ -294,6 +305,11 @@ def test(layout: Layout, replay: Replay, tolerance: float, reason: str, float32:
         gives="\n".join([*unused, *gives]),
         compares="\n".join(compares),
     )
+
+
+def _ranges(replay: Replay, ports: Sequence[Port]) -> str:
+    numbers = ", ".join(literal(replay.range_of(port)) for port in ports)
+    return f"static const double ranges[] = {{{numbers}}};\n"
 
 
 def _row(layout: Layout, port: Port, form: str, row: str, every: int = 1) -> str:

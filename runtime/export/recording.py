@@ -23,6 +23,7 @@ from runtime.toolchain import TranslationUnit, build
 
 AnyArray = np.ndarray[Any, Any]
 TOLERANCE = 1e-9  # of double, where only the last bits may differ
+FLOAT_TOLERANCE = 1e-3  # of float32, a share of an output's range
 MOST_NUMBERS = 200_000  # of inputs and of outputs in the tables of a test
 MOST_TICKS = 50_000  # of a run that is recorded whole: seconds in Python
 USUAL_ROWS = 1000  # of outputs that a test compares after its first ticks
@@ -83,7 +84,8 @@ def still(replay: Replay, outputs: Sequence[Port]) -> list[str]:
 class Native:
     """What a native run of the C text showed.
 
-    largest : for each output, the largest difference, divided by 1 + |recorded value|.
+    largest : for each output, the largest difference, divided by 1 + |recorded value|, or of
+        float32 by its range.
     equal : ticks before the first such difference above TOLERANCE.
     arena : bytes of the arena that were used. size : bytes of the struct.
     """
@@ -133,11 +135,13 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
             text = message(failure).decode()
             raise UsageError(f"the exported text fails at tick {tick} of the recording: {text}")
         found[tick] = made
-    largest, equal = _apart(layout, replay, found)
+    largest, equal = _apart(layout, replay, found, float32)
     return Native(largest, equal, int(getattr(library, f"{name}_used")(places[0])), size)
 
 
-def _apart(layout: Layout, replay: Replay, found: FloatArray) -> tuple[dict[Port, float], int]:
+def _apart(
+    layout: Layout, replay: Replay, found: FloatArray, float32: bool
+) -> tuple[dict[Port, float], int]:
     """The largest difference of each output, and the ticks before one is above TOLERANCE."""
     largest: dict[Port, float] = {}
     at, equal = 0, replay.ticks
@@ -146,7 +150,8 @@ def _apart(layout: Layout, replay: Replay, found: FloatArray) -> tuple[dict[Port
         own = found[:, at : at + rows.shape[1]]
         at += rows.shape[1]
         with np.errstate(invalid="ignore"):
-            apart = np.where(own == rows, 0.0, np.abs(own - rows) / (1.0 + np.abs(rows)))
+            scale = replay.range_of(port) if float32 else 1.0 + np.abs(rows)
+            apart = np.where(own == rows, 0.0, np.abs(own - rows) / scale)
         largest[port] = float(np.max(apart, initial=0.0))
         wrong = ~(apart <= TOLERANCE).all(axis=1)
         equal = min(equal, int(wrong.argmax())) if wrong.any() else equal

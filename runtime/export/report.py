@@ -12,6 +12,7 @@ from runtime.export.files import Replay
 from runtime.export.layout import Layout
 from runtime.export.operations import Operations, counter
 from runtime.export.recording import Native, still
+from runtime.plan import Port
 
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 COMPILER, SIZE = "arm-none-eabi-gcc", "arm-none-eabi-size"
@@ -64,9 +65,10 @@ def report(
     sizes: dict[str, int] | None,
     tolerance: float,
     replay: Replay,
+    float32: bool,
 ) -> str:
     """The report as text."""
-    selection = layout.selection
+    name, selection = layout.name, layout.selection
     rates = sorted({call.gate.every for call in selection.calls})
     lines = [*about, ""]
     step = f"{selection.network.dt:g} {selection.network.time_unit}"
@@ -74,7 +76,7 @@ def report(
     lines.append("")
     lines += ["Memory"]
     if native is not None:
-        lines.append(f"  struct {layout.name}: {native.size} bytes, of which the arena has")
+        lines.append(f"  struct {name}: {native.size} bytes, of which the arena has")
         used = f"{native.arena} of them were used"
         lines.append(f"    {8 * layout.arena_words} ({used} in the recorded run)")
     if sizes is not None:
@@ -88,8 +90,18 @@ def report(
         lines.append("  not run: there is no C compiler on this computer")
     else:
         for port, apart in native.largest.items():
-            lines.append(f"  {'.'.join(port)}: largest difference {apart:.3g}")
+            lines.append(f"  {'.'.join(port)}: {_difference(replay, port, apart, float32)}")
+            if not apart <= tolerance:
+                lines.append(f"    warning: more than the tolerance; {name}_test.c says so, too")
     return "\n".join([*lines, *warnings(layout, replay)]) + "\n"
+
+
+def _difference(replay: Replay, port: Port, apart: float, float32: bool) -> str:
+    """A difference from the graph; of float32 with its share of the signal's range."""
+    if not float32:
+        return f"largest difference {apart:.3g}"
+    size = replay.range_of(port)
+    return f"largest difference {apart * size:.3g}, which is {apart:.3g} of its range, {size:.3g}"
 
 
 def warnings(layout: Layout, replay: Replay) -> list[str]:

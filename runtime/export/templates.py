@@ -269,16 +269,16 @@ TEST = Template(
 #define TICKS ${ticks}
 #define FIRST ${first} /* ticks on which outputs are compared; then on each EVERY, and the last */
 #define EVERY ${every}
-#define TOLERANCE ${tolerance} /* of the difference, divided by 1 + |recorded value| */
+#define TOLERANCE ${tolerance} /* of the difference, divided by ${measure} */
 
 ${tables}
 static const char *const labels[${count}] = {${labels}};
 static double largest[${count}];
-static struct ${name} controller;
+${ranges}static struct ${name} controller;
 
 static void compare(int output, double found, double recorded)
 {
-    double difference = fabs(found - recorded) / (1.0 + fabs(recorded));
+    double difference = fabs(found - recorded) / ${scale};
     if (isinf(recorded) && found == recorded) difference = 0.0;
     if (!(difference <= largest[output])) largest[output] = difference;
 }

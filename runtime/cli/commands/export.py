@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from typing import Any
 
-from runtime.arguments import add_json, chosen, integer
+from runtime.arguments import add_json, at_least, chosen, integer
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
@@ -33,6 +33,8 @@ def add(parser: ArgumentParser) -> None:
         )
     parser.add_argument("--name", help="of files and functions (controller); of a page (its title)")
     parser.add_argument("--float32", action="store_true", help="compute in float, not in double")
+    message = "of the test with --float32: a share of each output's range (0.001)"
+    parser.add_argument("--tolerance", type=at_least(0.0, above=True), metavar="X", help=message)
     message = "an input that is not finite keeps its last value, instead of a failure"
     parser.add_argument("--hold-inputs", action="store_true", help=message)
     message = "replay only so many ticks (all; at most 50,000, or 200,000 numbers of inputs)"
@@ -50,9 +52,9 @@ def run(options: Namespace) -> int:
 
     target = chosen(TARGETS, options.to, "export target")
     own: dict[str, Any] = {"name": options.name} if options.name else {}
-    for key, only in (("slider", "html"), ("fmi", "fmu")):
+    for key, only in (("slider", "html"), ("fmi", "fmu"), ("tolerance", "c or library")):
         if value := getattr(options, key):
-            if options.to != only:
+            if options.to not in only.split(" or "):
                 raise UsageError(f"--{key}: this option is for --to {only}")
             own[key] = value
     made = target.write(

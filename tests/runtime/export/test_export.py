@@ -18,6 +18,7 @@ import blocks
 import runtime
 from blocks import Block, Input, Output, Scalar, State
 from runtime import toolchain
+from runtime.errors import UsageError
 from runtime.export import export
 from runtime.export.recording import thinned, usual_ticks
 from runtime.export.report import cortex_sizes
@@ -54,7 +55,7 @@ def case_a_float(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same in float."""
     folder = tmp_path_factory.mktemp("case_a_float")
     graph = runtime.load("line_actuator_failure")
-    export(graph, folder, others=["plant", "fault"], ticks=500, float32=True)
+    export(graph, folder, others=["plant", "fault"], ticks=500, float32=True, tolerance=0.2)
     return folder
 
 
@@ -95,7 +96,8 @@ def test_float_is_float_throughout(case_a_float: Path) -> None:
     flags = (*STRICT, "-Wdouble-promotion", "-O2", "-c", "-o", "/dev/null")
     subprocess.run([*compiler, *flags, "controller.c"], cwd=case_a_float, check=True)
     told = (case_a_float / "controller_test.c").read_text()
-    assert "which is what float makes of double" in told
+    assert "of its range, by float instead of double" in told
+    assert "TOLERANCE 0.2" in told  # what was asked for, whatever was seen
 
 
 @pytest.mark.parametrize("kind", ["case_a", "case_a_float"])
@@ -255,6 +257,24 @@ def test_the_replay_has_an_upper_limit() -> None:
     many = replace(one, inputs=one.inputs * 8)
     assert usual_ticks(many) == 25_000  # 200,000 numbers
     assert thinned(one, 50_000) == 50
+
+
+@needs_compiler
+def test_float_is_measured_and_its_test_can_fail(tmp_path: Path) -> None:
+    """The gain gives 0.3 and then 0.1, each with the error of float32."""
+    graph = chain(blocks.Gain(gain=0.1)).set("blocks.noise.initial", 3.0)
+    fine = export(graph, tmp_path, blocks=["block"], float32=True)
+    expected = abs(float(np.float32(0.1) * np.float32(3.0)) - 0.1 * 3.0)
+    worst = max(expected, abs(float(np.float32(0.1)) - 0.1))
+    assert f"difference {worst:.3g}, which is {worst / 0.2:.3g} of its range, 0.2" in fine.report
+    assert "tolerance 0.001" in fine.report and "warning" not in fine.report
+    assert "fine" in replayed(tmp_path)
+    strict = export(graph, tmp_path, blocks=["block"], float32=True, tolerance=worst)
+    assert "warning: more than the tolerance; controller_test.c says so, too" in strict.report
+    with pytest.raises(AssertionError, match="WRONG block.out"):
+        replayed(tmp_path)
+    with pytest.raises(UsageError, match="for --float32"):
+        export(graph, tmp_path, blocks=["block"], tolerance=0.1)
 
 
 @needs_compiler
