@@ -17,7 +17,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from ctypes import POINTER, byref, c_double
+from ctypes import POINTER, c_double
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -74,8 +74,8 @@ class Instance:
         calls.logger = own
         calls.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(free.calloc)
         calls.freeMemory = module.fmi2CallbackFreeMemoryTYPE(free.free)
-        with suppress(Exception):  # the texts of messages then lack their numbers
-            require("fmpy.logging", "", "fmu").addLoggerProxy(byref(calls))
+        # Not fmpy's addLoggerProxy, which would put the numbers into the texts: it has one pointer
+        # for all FMUs of a process, and a message after the last one's end would crash Python.
         return {"callbacks": calls}
 
     def _begin(self, values: Mapping[str, float]) -> None:

@@ -111,7 +111,8 @@ def _compiled(engine: Engine) -> dict[str, Any]:
     """Which blocks are compiled, why the others are not, and the plan in C."""
     from runtime.engine.compiled import CompiledRunner
 
-    runner = engine.prepare()
+    engine.prepare()
+    runner = None if engine.exact is None else engine.exact.compiled
     if not isinstance(runner, CompiledRunner):
         raise TypeError("not the compiled engine")
     return {

@@ -19,7 +19,7 @@ from blocks.core import Block
 from runtime.document import Value
 from runtime.engine import Engine, begin_again
 from runtime.graph.graph import Graph
-from runtime.network import Numbers
+from runtime.graph.numbers import Numbers
 from runtime.observation import Metric
 from runtime.runs import PreparedRun, Result, chosen_runner, simulate
 

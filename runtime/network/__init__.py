@@ -15,7 +15,7 @@ room for each step, in this order:
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
 from runtime.network.block_types import is_variadic, own_object, source_file
-from runtime.network.build import BLOCK_KEYS, BlockCache, build
+from runtime.network.build import BLOCK_KEYS, BlockCache, build, reconstructed
 from runtime.network.components import (
     columns,
     component_type,
@@ -29,7 +29,6 @@ from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
 from runtime.network.network import Network, NetworkEntry, Wire, check_output
-from runtime.network.numbers import Numbers, is_number, structure
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.other_names import ours_for
 from runtime.network.ports import GraphOutput
@@ -51,7 +50,6 @@ __all__ = [
     "GraphOutput",
     "Network",
     "NetworkEntry",
-    "Numbers",
     "PortDeclaration",
     "ReportedError",
     "Scope",
@@ -69,7 +67,6 @@ __all__ = [
     "first_column",
     "fits",
     "follow",
-    "is_number",
     "is_range",
     "is_variadic",
     "missing_block",
@@ -78,10 +75,10 @@ __all__ = [
     "ours_for",
     "outputs_in",
     "own_object",
+    "reconstructed",
     "replace_block",
     "resets",
     "source_file",
-    "structure",
     "unknown_component",
     "update",
     "whole_shape",

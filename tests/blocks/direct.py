@@ -10,6 +10,8 @@ import numpy as np
 
 from blocks import Block, BlockContext, BlockState, SignalType
 
+# A description alone: it can be read and checked, and has no binary.
+FMU = Path(__file__).parent / "fmu" / "description.fmu"
 PUSH = Path(__file__).parents[2] / "graphs" / "gallery" / "recorded_push.csv"
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.
@@ -63,6 +65,8 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Delay": {"delay": 0.03},
     "DiscreteStateSpace": {"A": [[0.9, 0.1], [0, 0.8]], "B": [0, 1], "C": [1, 0]},
     "DiscreteTransferFunction": {"numerator": [1], "denominator": [2, -1]},
+    "FMU": {"file": str(FMU)},
+    "ModelExchangeFMU": {"file": str(FMU)},
     "FromFile": {"file": str(PUSH), "outside": "hold"},
     "Function": {"expression": "sin(u[0]) + t"},
     "LookupTable": {"x": [-1, 0, 1], "y": [1, 0, 1]},

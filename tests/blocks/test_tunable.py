@@ -30,7 +30,7 @@ from blocks.registry import BUILTIN
 from runtime.checking.bench import Bench
 from runtime.checking.check import context_for
 from runtime.compiler import NotCompilableError, calls_of, make_kernel
-from runtime.network import structure
+from runtime.graph.numbers import structure
 from tests.runtime.engine.test_compiled_blocks import CASES, Case
 
 TICKS = 12

@@ -20,9 +20,17 @@ enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING };
 
 static void say(const struct model *m, const char *text)
 {
+    /* The text as a format, since not every importer fills in "%s". */
     const callbacks *const given = m->environment;
+    char format[2 * LONGEST];
+    size_t n = 0;
+    for (; *text && n + 2 < sizeof format; text++) {
+        if (*text == '%') format[n++] = '%';
+        format[n++] = *text;
+    }
+    format[n] = 0;
     if (given && given->logger)
-        given->logger(given->environment, m->instance, ERROR, "logStatusError", "%s", text);
+        given->logger(given->environment, m->instance, ERROR, "logStatusError", format);
 }
 
 EXPORT const char *FMI2(GetTypesPlatform)(void) { return "default"; }

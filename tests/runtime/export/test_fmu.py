@@ -53,7 +53,7 @@ def instance(file: Path) -> Iterator[Any]:
     made.places = {v.name: v.valueReference for v in description.modelVariables}
     made.get = made.getReal if description.fmiVersion == "2.0" else made.getFloat64
     made.put = made.setReal if description.fmiVersion == "2.0" else made.setFloat64
-    made.instantiate()
+    made.instantiate(**quiet(module, description.fmiVersion))
     if description.fmiVersion == "2.0":
         made.setupExperiment(startTime=0.0)
     made.enterInitializationMode()
@@ -61,6 +61,17 @@ def instance(file: Path) -> Iterator[Any]:
     yield made
     made.terminate()
     made.freeInstance()
+
+
+def quiet(module: Any, version: str) -> dict[str, Any]:
+    """Callbacks of its own: fmpy's are shared by all FMUs of a process, and break with one of them."""
+    if version != "2.0":
+        return {}
+    calls = module.fmi2CallbackFunctions()
+    calls.logger = module.fmi2CallbackLoggerTYPE(lambda *said: None)
+    calls.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+    calls.freeMemory = module.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+    return {"callbacks": calls}
 
 
 def simulated(file: Path, graph: runtime.Graph, ticks: int) -> Mapping[str, np.ndarray]:

@@ -22,8 +22,7 @@ from blocks.core import Block, BlockContext, ParameterError, state_shape
 from blocks.registry import is_built_in
 from runtime.document import Node, Value, from_python, full_path, is_part
 from runtime.errors import Where
-from runtime.network.build import BLOCK_KEYS, reconstructed
-from runtime.network.network import Network
+from runtime.network import BLOCK_KEYS, Network, reconstructed
 
 
 def structure(block: Block, context: BlockContext) -> tuple[str, ...]:
