@@ -8,9 +8,10 @@ import pytest
 
 import runtime
 from runtime.export import export
+from tests.runtime.export import table
+from tests.runtime.export.table import shipped
 from tests.runtime.export.test_every_block import COMPILERS, SANITIZE, run
 
-GRAPHS = Path(__file__).parents[3] / "graphs"
 QUICK = {
     "gallery/dc_motor": "states of several blocks in one row",
     "gallery/brusselator": "a solver that chooses its steps",
@@ -22,15 +23,17 @@ QUICK = {
 }
 
 
-def shipped() -> list[str]:
-    """All shipped graphs that are no part of another one, and need no extra."""
-    found = []
-    for path in sorted(GRAPHS.rglob("*.yaml")):
-        name = str(path.relative_to(GRAPHS).with_suffix(""))
-        text = path.read_text()
-        if "\nrun:" in text and "mujoco" not in name:
-            found.append(name)
-    return found
+def test_the_table_is_of_shipped_graphs() -> None:
+    names = table.rows()
+    assert names and set(names) <= set(shipped())
+    assert all(len(line.split(" | ")) == 7 for line in names.values())
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not COMPILERS, reason="needs gcc or clang")
+def test_a_row_of_the_table_is_what_its_command_finds() -> None:
+    name = "gallery/pid_loop"
+    assert table.row(name).split(" | ")[:3] == table.rows()[name].split(" | ")[:3]
 
 
 @pytest.mark.skipif(not COMPILERS, reason="needs gcc or clang")
