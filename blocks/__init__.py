@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         param,
     )
     from blocks.dynamics import *
+    from blocks.fmu import *
     from blocks.generic import *
     from blocks.mujoco import *
     from blocks.neural import *

@@ -15,6 +15,8 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
+from runtime.cli.describe import ROOMS
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "examples")
 
@@ -269,6 +271,15 @@ def test_no_door_exports_a_name_that_one_of_its_modules_has() -> None:
     }
     assert len(doors) > 10
     assert sorted(exported & modules().keys()) == []
+
+
+def test_type_checkers_know_every_room_of_blocks() -> None:
+    starred = [
+        node.module
+        for node in nodes("blocks")
+        if isinstance(node, ast.ImportFrom) and node.names[0].name == "*"
+    ]
+    assert starred == sorted(f"blocks.{room}" for room in ROOMS)
 
 
 def test_no_import_circle() -> None:
