@@ -64,7 +64,7 @@ def instance(file: Path) -> Iterator[Any]:
 
 
 def quiet(module: Any, version: str) -> dict[str, Any]:
-    """Callbacks of its own: those of fmpy are shared by a process and break with one of its FMUs."""
+    """Callbacks of its own: those of fmpy are shared, and break with an FMU that has ended."""
     if version != "2.0":
         return {}
     calls = module.fmi2CallbackFunctions()
