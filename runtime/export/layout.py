@@ -12,6 +12,7 @@ import numpy as np
 
 from blocks.core import BlockState, SignalType
 from runtime.engine.compiled import PlanText
+from runtime.errors import UsageError
 from runtime.export.names import member_name, unused
 from runtime.export.selection import Selection
 from runtime.export.tuning import Followed, followed
@@ -139,6 +140,11 @@ class Layout:
             unit = self.units.blocks.get(owner)
             words = [word for word, _ in unit.words] if unit else []
             if kind == "state" and key[1] not in words:
+                if owner not in self.selection.blocks:
+                    message = (
+                        "belongs to a part that is enabled; export all of the part, or no block"
+                    )
+                    raise UsageError(f"block '{owner}' {message} of it")
                 found[key] = getattr(self.blocks[owner], item)
         return found
 

@@ -270,7 +270,7 @@ def _other(block: Block, tunables: list[Tunable], share: float) -> Block | None:
 def _numbers_of(one: Tunable, share: float) -> Any:
     """What an attribute of a setting has."""
     numbers = _shared(one, share)
-    return numbers if one.is_array else float(numbers)
+    return numbers if one.is_array else numbers.tolist()
 
 
 def _retuned(

@@ -20,6 +20,7 @@ REASONS = (
     "that only the whole of it solves",
     "computes no output that changes in a run",
     "no block is left",
+    "belongs to a part that is enabled",
 )
 
 
