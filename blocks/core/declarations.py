@@ -23,6 +23,8 @@ class Input:
     as the integer parameter that it names; the block receives a tuple. With ``spread``, such an
     input takes numbers, records and vectors alike, and the block receives all their components
     in order as one tuple of numbers; ``spread`` names the length symbol that their number gives.
+    With ``fills``, a number that is wired to a vector counts for all its components; the compiled
+    block receives it as a vector of one number.
     """
 
     type: PortType
@@ -31,6 +33,7 @@ class Input:
     default: float | None = None
     variadic: bool | str = False
     spread: str = ""
+    fills: bool = False
     name: str = ""
 
     @property

@@ -70,7 +70,7 @@ class Select(Block):
 
 
 class Broadcast(Block):
-    """A number for every component of a vector, such as one current into all neurons.
+    """A number for every component of a vector, as a factor of a Product.
 
         input ─▶ [ Broadcast ] ─▶ out
 

@@ -70,8 +70,9 @@ class Ensemble(Block):
     straight = Input(
         Vector("total"),
         variadic=True,
+        fills=True,
         name="current",
-        doc="straight into each neuron; wires add up",
+        doc="straight into each neuron, or one number into all; wires add up",
     )
     learn = Input(Scalar, default=1.0, doc="factor on the learning rate: 0 pauses learning")
 
@@ -394,8 +395,12 @@ class Ensemble(Block):
                     drive[i] += row[i] * value
         if len(current) > 0:
             for straight in current:
-                for i in range(len(drive)):
-                    drive[i] += state.gain[i] * straight[i]
+                if len(straight) == 1:  # one number for all
+                    for i in range(len(drive)):
+                        drive[i] += state.gain[i] * straight[0]
+                else:
+                    for i in range(len(drive)):
+                        drive[i] += state.gain[i] * straight[i]
         self._step(state, t, learn)
 
     def _step(self, state: BlockState, t: float, learn: float) -> None:

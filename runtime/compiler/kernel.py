@@ -181,7 +181,12 @@ def make_kernel(
     checked = checked or not is_built_in(cls) or found.fields.has_functions_of_others
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
     returns = {"derivative": rates, "guards": [(guards,)]}
-    entries = [_entry(found.methods, call, kinds, terms, returns) for call in calls]
+    types = {port: signal_type(kind) for port, kind in kinds.items()}
+    # As many numbers as arrive: one, or one for each component.
+    types |= {
+        p: Array("float", (None,), frozen=True) for p, d in cls.spec.inputs.items() if d.fills
+    }
+    entries = [_entry(found.methods, call, types, terms, returns) for call in calls]
     key = digest(salt(), found.key, repr(entries), title, repr(checked))
     record = records.read(f"block_{key}.json")
     is_new = record is None
@@ -222,19 +227,18 @@ def _symbol(key: str, entry: Entry) -> str:
 def _entry(
     methods: Mapping[str, str],
     call: Evaluation,
-    kinds: Mapping[str, SignalType],
+    types: Mapping[str, Type],
     terms: dict[str, int],
     returns: Mapping[str, Shapes],
 ) -> Entry:
     arguments: list[tuple[str, Type]] = [] if call == PROJECT else [("t", FLOAT)]
     arguments += [("which", FLOAT)] if call.method == "event" else []
     for port in call.needs:
-        kind = signal_type(kinds[port])
         if port in terms:
-            arguments.append((f"{port}...", Tuple((kind,) * terms[port])))
+            arguments.append((f"{port}...", Tuple((types[port],) * terms[port])))
         else:
-            arguments.append((port, kind))
-    results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
+            arguments.append((port, types[port]))
+    results: list[Type] = [types[port] for port in call.outputs]
     if call.method in returns:
         shapes = returns[call.method]
         results = [Array("float", written(shape)) if shape else FLOAT for shape in shapes]

@@ -243,7 +243,10 @@ def add_wire(document: Node, source: str, target: str, is_variadic: bool) -> Nod
         )
     old = ((document.get("wires") or Node({})).get(block) or Node({})).get(port)
     if is_variadic:
-        return set_wire(document, target, [*(old.plain() if old is not None else []), source])
+        before = [] if old is None else old.plain()
+        return set_wire(
+            document, target, [*(before if isinstance(before, list) else [before]), source]
+        )
     if old is not None:
         raise UsageError(f"'{target}' is wired to '{old.plain()}' already; use wire() to move it")
     return set_wire(document, target, source)

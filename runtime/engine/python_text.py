@@ -226,9 +226,11 @@ class PythonText:
             else:
                 text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
             kind = source.kind
-        if target is not None and target.form != kind.form:
-            return f"array(({text},))" if target.form == "array" else f"{text}.item(0)"
-        return text
+        if target is None or target.form == kind.form != "array" or target.shape == kind.shape:
+            return text
+        if target.form != "array":
+            return f"{text}.item(0)"
+        return f"array(({text},))" if target.shape == (1,) else f"full({target.shape!r}, {text})"
 
     def test(self, test: Test) -> None:
         """Test what a call returned; ``not_finite`` looks again, and raises the error."""

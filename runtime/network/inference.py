@@ -117,9 +117,17 @@ def _open(network: Network, block: str, port: str, spec: BlockSpec) -> str:
     return f"{message}; wire a {kind.name} to {inputs}"
 
 
-def compatible(source: SignalType, target: SignalType) -> bool:
-    """Whether a wire may join the two: equal types, or a scalar and a Vector(1)."""
-    return source == target or {str(source), str(target)} == {"Scalar", "Vector(1)"}
+def compatible(source: SignalType, target: SignalType, fills: bool = False) -> bool:
+    """Whether a wire may join the two: equal types, a scalar and a Vector(1), or a number and a
+    vector whose input it ``fills``."""
+    if source == target or {str(source), str(target)} == {"Scalar", "Vector(1)"}:
+        return True
+    return fills and is_number(source) and target.name == "Vector"
+
+
+def is_number(kind: SignalType) -> bool:
+    """Whether a signal is one number: a scalar or a Vector(1)."""
+    return kind.form == "scalar" or str(kind) == "Vector(1)"
 
 
 def _resolve(port_type: PortType, block: _Bindings) -> SignalType | None:
@@ -169,6 +177,10 @@ class _Inference:
         """The length symbol of an input that takes components of any signals; '' for others."""
         return self.network.entries[wire.block].cls.spec.inputs[wire.port].spread
 
+    def fills(self, wire: Wire) -> bool:
+        """Whether an input takes one number for all its components."""
+        return self.network.entries[wire.block].cls.spec.inputs[wire.port].fills
+
     def width(self, wire: Wire) -> int:
         """The number of components that arrive at such an input; 0 if it is not known yet."""
         total = 0
@@ -210,12 +222,14 @@ class _Inference:
         for wire in self.wires:
             touching[wire.block].append(wire)
             touching[wire.source.block].append(wire)
-        # A wire is looked at again only after a block at one of its ends has learned something.
-        queue = deque(self.wires)
-        while queue:
-            wire = queue.popleft()
-            for name in self.propagate(wire):
-                queue.extend(touching[name])
+        # A wire is looked at again only after a block at one of its ends has learned something. What
+        # may be one number for all says how long its source is only where nothing else does.
+        for last in (False, True) if any(map(self.fills, self.wires)) else (False,):
+            queue = deque(self.wires)
+            while queue:
+                wire = queue.popleft()
+                for name in self.propagate(wire, last):
+                    queue.extend(touching[name])
 
     def vote(self) -> None:
         """Give connected generic ports the type that most of their wires have.
@@ -233,7 +247,7 @@ class _Inference:
 
         votes: list[tuple[Variable, SignalType, str]] = []
         for wire in self.wires:
-            if self.spread(wire):
+            if self.spread(wire) or self.fills(wire):
                 continue
             source = self.variable(wire.source.block, self.out(wire))
             target = self.variable(wire.block, self.into(wire))
@@ -265,7 +279,7 @@ class _Inference:
             return block, port_type.variable
         return None
 
-    def propagate(self, wire: Wire) -> list[str]:
+    def propagate(self, wire: Wire, last: bool) -> list[str]:
         """Propagate types along one wire, both ways; returns the blocks that changed."""
         changed = []
         source, target = self.bindings[wire.source.block], self.bindings[wire.block]
@@ -277,11 +291,16 @@ class _Inference:
                 changed.append(wire.block)
             return changed
         coming = _concrete(self.arriving(wire))
-        if coming is not None and _bind(self.into(wire), target, coming, wire.source_text):
+        number = self.fills(wire) and (coming is None or is_number(coming))
+        if (
+            coming is not None
+            and not (number and not last)
+            and _bind(self.into(wire), target, coming, wire.source_text)
+        ):
             changed.append(wire.block)
         expected = _concrete(_resolve(self.into(wire), target))
         expected = self.declared_by_part(wire) or expected
-        whole = expected if not wire.source.component else None
+        whole = expected if not wire.source.component and (last or not number) else None
         if whole is not None and _bind(self.out(wire), source, whole, wire.target):
             changed.append(wire.source.block)
         if not wire.source.component and self.carry(wire) and wire.block not in changed:
@@ -342,7 +361,7 @@ class _Inference:
         if target.symbol or coming.symbol:
             if coming.name == target.name or {coming.name, target.name} == {"Scalar", "Vector"}:
                 return
-        elif compatible(coming, target):
+        elif compatible(coming, target, self.fills(wire)):
             return
         if wire.via and not any(name in self.network.part_inputs for name in wire.via):
             # The part takes any type, so the wire to it is the one that does not fit inside.

@@ -168,7 +168,8 @@ class _Builder:
             return Argument(name, port, kind, (Source(self.signals[name, port]),))
         sources = tuple(self.source(wire.source) for wire in self.wires.get((name, port), ()))
         default = float(declared.default or 0.0)
-        return Argument(name, port, kind, sources, bool(declared.variadic), default)
+        is_variadic = bool(declared.variadic)
+        return Argument(name, port, kind, sources, is_variadic, default, declared.fills)
 
     def source(self, end: Endpoint) -> Source:
         return Source(self.signals[end.block, end.port], end.component)

@@ -144,8 +144,12 @@ class CText(ABC):
             return self.absent(argument)
         if argument.kind.form == "scalar":
             return [self.number(source) for source in argument.sources]
-        sizes = self.sizes(argument.kind)
-        return [t for source in argument.sources for t in (self.address(source), *sizes)]
+        sizes, given = self.sizes(argument.kind), []
+        for source in argument.sources:
+            # One number that counts for all comes as a vector of one.
+            own = [str(numbers_in(source.kind))] if argument.fills else sizes
+            given += [self.address(source), *own]
+        return given
 
     def number(self, source: Source) -> str:
         """A number of a signal."""

@@ -116,6 +116,7 @@ class Argument:
     kind : the type in which the method takes each source.
     sources : what is wired to it: one, none if the input is open, any number if it is variadic.
     default : the value of an open input.
+    fills : whether a source that is one number counts for all components of the kind.
     """
 
     block: str
@@ -124,6 +125,7 @@ class Argument:
     sources: tuple[Source, ...]
     is_variadic: bool = False
     default: float = 0.0
+    fills: bool = False
 
     def __str__(self) -> str:
         texts = ", ".join(map(str, self.sources))

@@ -61,7 +61,7 @@ def test_noise_moves_a_ring_the_less_the_more_neurons_it_has() -> None:
 @pytest.mark.slow
 def test_a_shut_gate_keeps_distractors_out_of_the_memory() -> None:
     memory = graph("gated_memory")
-    shut, opened = (each.run(engine="compiled") for each in (memory, memory.without("inhibition")))
+    shut, opened = (each.run(engine="compiled") for each in (memory, memory.without("shut")))
     assert shut.metrics["hits"] == 1.0
     items, others = shut["similarity"][-1][:4], shut["similarity"][-1][4:]
     assert items.min() > 0.3 > others.max()

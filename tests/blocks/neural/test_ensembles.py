@@ -267,10 +267,31 @@ def test_a_synapse_behind_a_decoder_is_the_decoders(synapse: Any) -> None:
         np.testing.assert_allclose(found["behind.out"], found["out.value"], rtol=0.0, atol=1e-12)
 
 
-def test_a_number_into_all_neurons_is_a_broadcast() -> None:
-    made = graph(0.05).add("x", Wave()).add("off", blocks.Constant(value=-20.0))
-    made = made.add("snn", blocks.Ensemble(neurons=30)).connect("x.out", "snn.input")
-    with pytest.raises(runtime.GraphError, match="a Broadcast makes a vector of the number"):
-        made.connect("off.value", "snn.current").check()
-    made = made.add("all", blocks.Broadcast()).connect("off.value", "all.input")
-    assert not made.connect("all.out", "snn.current").probe("snn.fired").run()["snn.fired"].any()
+@pytest.mark.parametrize("groups", [1, 2])
+@pytest.mark.parametrize("number", ["off.out", "one.value", "passed.out"])
+def test_a_number_into_all_neurons_is_a_broadcast(groups: int, number: str) -> None:
+    """A scalar, a vector of one number and what a generic block passes on, beside a vector."""
+    made = graph(0.05).add("x", Wave()).add("snn", blocks.Ensemble(neurons=30, groups=groups))
+    made = made.add("off", blocks.Function(expression="-3*t"))
+    made = made.add("one", blocks.Constant(value=[-2.0], signal="Vector(1)"))
+    made = made.add("passed", blocks.Gain(gain=2.0)).connect("off.out", "passed.input")
+    made = made.add("each", blocks.Constant(value=[0.1] * 30 * groups, signal="Vector"))
+    made = made.connect("x.out", "snn.input").probe("snn.drive")
+    direct = made.wire("snn.current", [number, "each.value"])
+    made = made.add("all", blocks.Broadcast()).wire("snn.current", "all.out")
+    other = made.connect("each.value", "snn.current").connect(
+        f"{number}[0]" if number == "one.value" else number, "all.input"
+    )
+    wanted = other.run(engine="python")["snn.drive"]
+    assert wanted.any()
+    for engine in ("python", "compiled"):
+        found = direct.run(engine=engine)
+        assert found.manifest["engine_notes"] == []
+        np.testing.assert_array_equal(found["snn.drive"], wanted)
+
+
+def test_another_length_into_the_neurons_is_refused() -> None:
+    made = graph(0.05).add("x", Wave()).add("snn", blocks.Ensemble(neurons=30))
+    made = made.add("two", blocks.Constant(value=[1.0, 2.0], signal="Vector(2)"))
+    with pytest.raises(runtime.GraphError, match=r"expected Vector\(30\), got Vector\(2\)"):
+        made.connect("x.out", "snn.input").connect("two.value", "snn.current").check()
