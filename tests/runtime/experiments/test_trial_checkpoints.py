@@ -8,7 +8,6 @@ import signal
 import subprocess
 import time
 from collections.abc import Sequence
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
