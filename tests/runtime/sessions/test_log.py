@@ -1,4 +1,4 @@
-"""The log of a session: what goes in comes out, of copies and of a file, and takes little memory."""
+"""The log of a session: what goes in comes out, also of copies and files, in little memory."""
 
 from __future__ import annotations
 
