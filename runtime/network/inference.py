@@ -222,8 +222,8 @@ class _Inference:
         for wire in self.wires:
             touching[wire.block].append(wire)
             touching[wire.source.block].append(wire)
-        # A wire is looked at again only after a block at one of its ends has learned something. What
-        # may be one number for all says how long its source is only where nothing else does.
+        # A wire is looked at again only after a block at one of its ends has learned something.
+        # An input that takes one number for all types its source only where nothing else does.
         for last in (False, True) if any(map(self.fills, self.wires)) else (False,):
             queue = deque(self.wires)
             while queue:

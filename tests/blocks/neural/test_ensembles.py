@@ -267,15 +267,14 @@ def test_a_synapse_behind_a_decoder_is_the_decoders(synapse: Any) -> None:
         np.testing.assert_allclose(found["behind.out"], found["out.value"], rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("groups", [1, 2])
 @pytest.mark.parametrize("number", ["off.out", "one.value", "passed.out"])
-def test_a_number_into_all_neurons_is_a_broadcast(groups: int, number: str) -> None:
+def test_a_number_into_all_neurons_is_a_broadcast(number: str) -> None:
     """A scalar, a vector of one number and what a generic block passes on, beside a vector."""
-    made = graph(0.05).add("x", Wave()).add("snn", blocks.Ensemble(neurons=30, groups=groups))
+    made = graph(0.05).add("x", Wave()).add("snn", blocks.Ensemble(neurons=30))
     made = made.add("off", blocks.Function(expression="-3*t"))
     made = made.add("one", blocks.Constant(value=[-2.0], signal="Vector(1)"))
     made = made.add("passed", blocks.Gain(gain=2.0)).connect("off.out", "passed.input")
-    made = made.add("each", blocks.Constant(value=[0.1] * 30 * groups, signal="Vector"))
+    made = made.add("each", blocks.Constant(value=[0.1] * 30, signal="Vector"))
     made = made.connect("x.out", "snn.input").probe("snn.drive")
     direct = made.wire("snn.current", [number, "each.value"])
     made = made.add("all", blocks.Broadcast()).wire("snn.current", "all.out")
