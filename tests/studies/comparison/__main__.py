@@ -24,7 +24,9 @@ def main() -> int:
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("tasks", nargs="*", default=list(plan.read()["tasks"]))
     parser.add_argument("-j", "--jobs", type=int, default=1)
-    parser.add_argument("--only", nargs="*", help="run these contestants, in this order")
+    parser.add_argument(
+        "--only", nargs="*", help="run these contestants, in this order, even if they have rows"
+    )
     parser.add_argument("--out", type=Path, default=Path("contests"))
     options = parser.parse_args()
     if options.command == "power":
@@ -49,10 +51,9 @@ def main() -> int:
             register.require()
             # One after the other, so that what has been run is complete wherever it is interrupted.
             for name in options.only or plan.read()["tasks"][task]["contestants"]:
-                if task in rows.tasks() and rows.is_complete(task, name):
+                if not options.only and task in rows.tasks() and rows.is_complete(task, name):
                     continue
-                file = plan.write(task, options.out / "files")
-                rows.choose(file, name)
+                file = plan.write(task, options.out / "files", name)
                 where = ["-j", str(options.jobs), "--out", str(options.out)]
                 code = command(["contest", str(file), *where, "--resume", "--no-plots", "-q"])
                 if code not in (0, 3):

@@ -74,8 +74,15 @@ def _path(
     return [[0.0, 0.0], *np.round(ways, 3).tolist()]
 
 
-def experiment(task: str) -> dict[str, Any]:
-    """The contents of a task's file for ``runtime contest``."""
+def setting(task: str, key: str, contestant: str = "") -> Any:
+    """``tunings``, ``trials`` or ``patience``: a contestant's, else its task's, else the plan's."""
+    entry = read()["tasks"][task]
+    own = entry["contestants"].get(contestant, {})
+    return own.get(key, entry.get(key, read()[key]))
+
+
+def experiment(task: str, only: str = "") -> dict[str, Any]:
+    """The contents of a task's file for ``runtime contest``, of all contestants or of one."""
     plan = read()
     entry = plan["tasks"][task]
     return {
@@ -84,8 +91,9 @@ def experiment(task: str) -> dict[str, Any]:
         "minimize": "error",
         "constraints": {"effort": {"below": entry["effort"]}},
         "margin": f"{100 * (plan['margin'] - 1):g}%",
-        **{key: plan[key] for key in ("trials", "patience", "batch")},
-        "repeats": plan["tunings"],
+        **{key: setting(task, key, only) for key in ("trials", "patience")},
+        "batch": plan["batch"],
+        "repeats": setting(task, "tunings", only),
         **{
             part: {"seeds": plan[part]["seeds"], "conditions": conditions(task, part)}
             for part in (TRAINING, HELD_OUT)
@@ -93,13 +101,14 @@ def experiment(task: str) -> dict[str, Any]:
         "contestants": {
             name: _contestant(changes, entry["vary"])
             for name, changes in entry["contestants"].items()
+            if only in ("", name)
         },
     }
 
 
 def _contestant(changes: Mapping[str, Any], vary: Mapping[str, Any]) -> dict[str, Any]:
     """Its changes with files by their whole path, and factors in place of the names of sets."""
-    written = dict(changes)
+    written = {key: value for key, value in changes.items() if key not in ("trials", "patience")}
     if "with" in written:
         names = written["with"] if isinstance(written["with"], list) else [written["with"]]
         written["with"] = [str((FOLDER / name).resolve()) for name in names]
@@ -109,11 +118,11 @@ def _contestant(changes: Mapping[str, Any], vary: Mapping[str, Any]) -> dict[str
     return written | ({"vary": factors} if factors else {})
 
 
-def write(task: str, folder: Path) -> Path:
+def write(task: str, folder: Path, only: str = "") -> Path:
     """Write a task's file, and return it."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{task}.yaml"
-    path.write_text(dump_yaml(experiment(task)), encoding="utf-8")
+    path.write_text(dump_yaml(experiment(task, only)), encoding="utf-8")
     return path
 
 

@@ -18,9 +18,6 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-import yaml
-
-from runtime.document import dump_yaml
 from runtime.errors import UsageError
 from runtime.experiments.design import slugs
 from tests.studies.comparison import plan
@@ -51,17 +48,10 @@ def began(task: str) -> dict[tuple[str, int], datetime]:
     }
 
 
-def choose(file: Path, contestant: str) -> None:
-    """Leave one contestant in a contest's file."""
-    data = yaml.safe_load(file.read_text(encoding="utf-8"))
-    data["contestants"] = {contestant: data["contestants"][contestant]}
-    file.write_text(dump_yaml(data), encoding="utf-8")
-
-
 def is_complete(task: str, contestant: str) -> bool:
     """Whether all tunings of a contestant have rows."""
     done = {row["tuning"] for row in read(task) if row["contestant"] == contestant}
-    return len(done) >= plan.read()["tunings"]
+    return len(done) >= plan.setting(task, "tunings", contestant)
 
 
 def gather(task: str, folder: Path) -> Path:
@@ -72,7 +62,7 @@ def gather(task: str, folder: Path) -> Path:
     old = read(task) if task in tasks() else []
     found: list[Row] = []
     for name, start in names.items():
-        for tuning in range(settings["tunings"]):
+        for tuning in range(plan.setting(task, "tunings", name)):
             own = folder / f"{start}-{tuning}"
             if (own / "tuning.json").exists():
                 found += _rows(name, tuning, own)
