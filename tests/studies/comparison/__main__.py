@@ -16,7 +16,7 @@ from runtime.cli import run as command
 from tests.studies.comparison import costs, judge, plan, register, rows
 
 COMMANDS = ("power", "run", "gather", "costs", "coverage", "check", "page")
-POWER, END = "<!-- power, generated -->", "<!-- end -->"
+GENERATED, END = "<!-- {}, generated -->", "<!-- end -->"
 
 
 def main() -> int:
@@ -31,9 +31,10 @@ def main() -> int:
     options = parser.parse_args()
     if options.command == "power":
         text = plan.TEXT.read_text(encoding="utf-8")
-        before, rest = text.split(POWER)
-        table = f"{POWER}\n{judge.power_table()}\n{END}"
-        plan.TEXT.write_text(before + table + rest.split(END, 1)[1], encoding="utf-8")
+        for place, table in (("power", judge.power_table()), ("again", judge.power_again("again"))):
+            before, rest = text.split(GENERATED.format(place))
+            text = f"{before}{GENERATED.format(place)}\n{table}\n{END}{rest.split(END, 1)[1]}"
+        plan.TEXT.write_text(text, encoding="utf-8")
     if options.command == "coverage":
         judge.write_coverage()
     if options.command == "costs":
@@ -49,17 +50,32 @@ def main() -> int:
     for task in options.tasks:
         if options.command == "run":
             register.require()
-            # One after the other, so that what has been run is complete wherever it is interrupted.
             for name in options.only or plan.read()["tasks"][task]["contestants"]:
                 if not options.only and task in rows.tasks() and rows.is_complete(task, name):
                     continue
-                file = plan.write(task, options.out / "files", name)
-                where = ["-j", str(options.jobs), "--out", str(options.out)]
-                code = command(["contest", str(file), *where, "--resume", "--no-plots", "-q"])
-                if code not in (0, 3):
+                code = _run(task, name, options)
+                if code:
                     return code
         if options.command == "gather":
             print(rows.gather(task, options.out / task))
+    return 0
+
+
+def _run(task: str, name: str, options: argparse.Namespace) -> int:
+    """Tune a contestant and judge it, or only judge what another task's tunings entered.
+
+    One contestant after the other, so that what has been run is complete wherever it is
+    interrupted.
+    """
+    tuned = plan.read()["tasks"][task].get("tuned")
+    numbers = range(plan.tunings(task, name)) if tuned else (None,)
+    for tuning in numbers:
+        values = None if tuning is None else rows.entered(tuned, name, tuning)
+        file = plan.write(task, options.out / "files", name, values, tuning)
+        where = ["-j", str(options.jobs), "--out", str(options.out)]
+        code = command(["contest", str(file), *where, "--resume", "--no-plots", "-q"])
+        if code not in (0, 3):
+            return code
     return 0
 
 
