@@ -12,7 +12,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from runtime.cli import run as command
+from runtime.engine import silent
+from runtime.experiments.design import read_experiment
+from runtime.experiments.execution import RunOptions, pool_factory
+from runtime.experiments.tuning import contest_plans, run_contest
+from runtime.terminal import Progress
 from tests.studies.comparison import costs, judge, plan, register, rows
 
 COMMANDS = ("power", "run", "gather", "costs", "coverage", "check", "page")
@@ -61,6 +65,10 @@ def main() -> int:
     return 0
 
 
+def _quiet(name: str) -> Progress:
+    return Progress(name, wanted=False)
+
+
 def _run(task: str, name: str, options: argparse.Namespace) -> int:
     """Tune a contestant and judge it, or only judge what another task's tunings entered.
 
@@ -72,10 +80,11 @@ def _run(task: str, name: str, options: argparse.Namespace) -> int:
     for tuning in numbers:
         values = None if tuning is None else rows.entered(tuned, name, tuning)
         file = plan.write(task, options.out / "files", name, values, tuning)
-        where = ["-j", str(options.jobs), "--out", str(options.out)]
-        code = command(["contest", str(file), *where, "--resume", "--no-plots", "-q"])
-        if code not in (0, 3):
-            return code
+        experiment = read_experiment(str(file))
+        pool = pool_factory(options.jobs, None, None)
+        to = RunOptions(options.out / task, pool, True)
+        if run_contest(task, contest_plans(experiment, silent), to, _quiet).is_interrupted:
+            return 130
     return 0
 
 
