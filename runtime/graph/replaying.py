@@ -19,7 +19,7 @@ from pathlib import Path
 
 from blocks.core import hint
 from runtime.errors import UsageError
-from runtime.files import check_form, read_text, remove_tree
+from runtime.files import check_form, read_text, remove_tree, system_errors
 from runtime.graph.graph import Graph
 from runtime.graph.loading import load
 from runtime.runs import (
@@ -36,10 +36,9 @@ from runtime.runs import (
     restored,
     run_folder,
 )
-from runtime.sessions import CALLS, GRAPH, SESSION, VERSION, Session
+from runtime.sessions import CALLS, CHANGES, GRAPH, SESSION, VERSION, Session, changes_of
 
-_CHANGE = {"tick": int, "call": str, "arguments": list}
-_FORM = {"session": int, "ticks": int, "changes": [_CHANGE]}
+_FORM = {"session": int, "ticks": int, "changes": int}
 
 
 def is_session(path: str | Path) -> bool:
@@ -66,13 +65,19 @@ def open_session(folder: str | Path) -> Session:
         check_form(stored, _FORM)
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
-    session = load(place / GRAPH).session()
-    for each in stored["changes"]:
-        if each["call"] not in CALLS:
-            call = each["call"]
-            raise UsageError(f"'{path}': a session has no method '{call}'{hint(call, CALLS)}")
-        session.step(each["tick"] - session.tick)
-        getattr(session, each["call"])(*each["arguments"])
+    session, path = load(place / GRAPH).session(), place / CHANGES
+    with system_errors(f"read '{path}'"), path.open(encoding="utf-8") as lines:
+        for number, line in enumerate(lines, 1):
+            try:
+                for tick, call, arguments in changes_of(json.loads(line)):
+                    if call not in CALLS:
+                        raise ValueError(f"a session has no method '{call}'{hint(call, CALLS)}")
+                    session.step(tick - session.tick)
+                    getattr(session, call)(*arguments)
+            except (TypeError, ValueError) as error:
+                raise UsageError(f"'{path}', line {number}: {error}") from None
+    if len(session.log) != stored["changes"]:
+        raise UsageError(f"'{path}' has not the {stored['changes']} changes that were saved")
     return session.step(stored["ticks"] - session.tick)
 
 
