@@ -153,8 +153,8 @@ def summary(found: dict[str, list[str]]) -> str:
     lines = [
         f"* **Whole:** {len(whole)} of {len(found)} graphs are exported"
         + (f"; {left} more were not measured." if left else "."),
-        f"* **Replay:** {those(2, '0')} have every bit of the Python engine; the largest difference "
-        f"of another one is {worst(2)}.",
+        f"* **Replay:** {those(2, '0')} have every bit of the Python engine; the largest "
+        f"difference of another one is {worst(2)}.",
         f"* **WebAssembly:** {those(3, 'equal')} of {compared} have every bit of the same C run "
         "natively with the same math.h (musl).",
         f"* **With another math.h:** {those(4, '0')} have every bit with this computer's; "
