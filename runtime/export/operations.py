@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from runtime.toolchain.library import INEXACT as ROUNDED
+from runtime.toolchain import INEXACT as ROUNDED
 
 HEAD = re.compile(r"^static (?:const )?(?:struct )?\w+ \**(\w+)\((.*)\)$")
 LOOP = re.compile(
