@@ -278,10 +278,7 @@ class Ensemble(Block):
         return Tuning(self.neuron, gain, state.bias.copy(), encoders, self.radius, groups)
 
     def _drawn(self, rng: np.random.Generator, groups: int, d: int) -> Mapping[str, FloatArray]:
-        """Gains, biases, encoders and voltages, always drawn in one order.
-
-        So fixing one quantity does not change the others.
-        """
+        """Gains, biases, encoders and voltages, in one order: to fix one changes no other."""
         if self.direct:
             n = groups * d
             numbers = {"gain": np.full(n, self.radius), "bias": np.zeros(n), "voltage": np.zeros(n)}
@@ -402,12 +399,9 @@ class Ensemble(Block):
                     drive[i] += row[i] * value
         if len(current) > 0:
             for straight in current:
-                if len(straight) == 1:  # one number for all
-                    for i in range(len(drive)):
-                        drive[i] += state.gain[i] * straight[0]
-                else:
-                    for i in range(len(drive)):
-                        drive[i] += state.gain[i] * straight[i]
+                for i in range(len(drive)):
+                    one = 0 if len(straight) == 1 else i  # one number for all
+                    drive[i] += state.gain[i] * straight[one]
 
     def _step(self, state: BlockState, t: float, learn: float) -> None:
         """Advance the neurons by the currents of this step, and the encoders by their spikes."""
@@ -429,8 +423,8 @@ class Ensemble(Block):
             fired *= state.amplitude
         if state.learns:
             follow(state.activity, state.fired, state.share)
-            rate = state.rate * learn
-            voja_step(state.scaled_encoders, state.activity, state.scale, state.point, rate)
+            encoders, rate = state.scaled_encoders, state.rate * learn
+            voja_step(encoders, state.activity, state.scale, state.point, rate)
         if flush_due(t, state.dt):
             flush(state.voltage)
             flush(state.recovery)
