@@ -140,8 +140,8 @@ class Latency(_Transport):
     head = State(3, doc="how many there were; the stamp of the last; when it arrives (s)")
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
-        # One that overtook others is held until one arrives that was measured after it arrived, which
-        # takes the longest time twice.
+        # One that overtook others is held until one arrives that was measured after it arrived:
+        # for twice the longest time.
         longest = int((self.latency + self.jitter) / context.dt + 1.0 - EARLY)
         return {"rows": (longest if self.ordered else 2 * longest) + 2}
 
