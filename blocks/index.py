@@ -39,6 +39,7 @@ TYPES = {
     "Superposition": "neural.pointers",
     "Ensemble": "neural.ensemble",
     "RateEnsemble": "neural.adaptive",
+    "FeedthroughEnsemble": "neural.feedthrough",
     "SynapticFilter": "neural.filter",
     "Weights": "neural.weights",
     "Lidar": "world.lidar",

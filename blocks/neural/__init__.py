@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from blocks.neural.decoder import Decoder
     from blocks.neural.decoder_solvers import DecoderSolver
     from blocks.neural.ensemble import Ensemble
+    from blocks.neural.feedthrough import FeedthroughEnsemble
     from blocks.neural.filter import SynapticFilter
     from blocks.neural.learner import AdaptiveBias
     from blocks.neural.mrac import MRAC
@@ -37,6 +38,7 @@ __all__ += ["AdaptiveLIFRate", "Direct", "SemanticPointer", "Similarity", "Super
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
 __all__ += [
     "DecoderSolver",
+    "FeedthroughEnsemble",
     "SpikingReLU",
     "Synapse",
     "SynapticFilter",

@@ -132,6 +132,8 @@ class Decoder(Solved):
         state.a, state.b = a, b
         state.groups, state.error, state.exact = 1, math.nan, False
         state.rule, state.by_spikes = self._rule, self.filter == "spikes"
+        source = state.published.get("spikes")
+        state.ahead = isinstance(source, Tuning) and source.ahead
         if self.weights_given is not None:
             state.weights[...], state.groups = self.weights_given, self.groups_given
         else:
@@ -267,15 +269,19 @@ class Decoder(Solved):
         if state.rule != "" or state.by_spikes:
             follow(state.activity, spikes, state.quick)
         if state.rule != "":
-            self._learn(state)
-            # Applied on the next tick, with its spikes: Nengo's rules see the error of the step
-            # before, and a test compares weight for weight.
+            # Nengo's rules apply the error of a step with its spikes, which arrive on the next
+            # tick if they are not those of a FeedthroughEnsemble; a test compares the weights.
+            if not state.ahead:
+                self._learn(state)
             total = state.pending
             total[:] = 0.0
             if len(error) > 0:
                 for term in error:
                     for i in range(len(total)):
                         total[i] += learn * term[i]
+            if state.ahead:
+                self._learn(state)
+                total[:] = 0.0
         if flush_due(t, state.dt):
             flush(state.filtered)
             flush(state.activity)

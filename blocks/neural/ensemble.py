@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +44,6 @@ MANY_DIMENSIONS = 4
 NOISES = ("", "normal", "uniform", "exponential")
 
 
-@final
 class Ensemble(Block):
     """A population of neurons that represents a vector by its spikes.
 
@@ -163,11 +162,10 @@ class Ensemble(Block):
         return d if self.direct else self.neurons
 
     def validate(self) -> None:
-        if self.direct:
-            wrong = [n for n in ("gain", "noise", "learning") if self.value(n) is not None]
-            if wrong:
-                message = "Direct has no neurons that this could act on"
-                raise ParameterError([(name, message) for name in wrong])
+        wrong = [n for n in ("gain", "noise", "learning") if self.value(n) is not None]
+        if self.direct and wrong:
+            message = "Direct has no neurons that this could act on"
+            raise ParameterError([(name, message) for name in wrong])
         if (self.gain is None) != (self.bias is None):
             missing = "bias" if self.bias is None else "gain"
             raise ParameterError([(missing, "gain and bias go together; give both or neither")])
@@ -266,9 +264,8 @@ class Ensemble(Block):
         return EnsembleStack(blocks, states, arrays)
 
     def facts(self, state: BlockState) -> Mapping[str, float]:
-        if self.direct:
-            return {"neurons": 0, "synapses": 0}
-        return {"neurons": state.gain.size, "synapses": state.scaled_encoders.size}
+        sizes = (0, 0) if self.direct else (state.gain.size, state.scaled_encoders.size)
+        return dict(zip(("neurons", "synapses"), sizes, strict=True))
 
     def tuning(self, state: BlockState) -> Tuning:
         """The published description of ``spikes``: that of the states when the run begins."""
@@ -374,9 +371,20 @@ class Ensemble(Block):
         current: tuple[FloatArray, ...],
         learn: float,
     ) -> None:
+        self._currents_kernel(state, input, current, state.point, state.drive)
+        self._step(state, t, learn)
+
+    def _currents_kernel(
+        self,
+        state: BlockState,
+        input: tuple[FloatArray, ...],
+        current: tuple[FloatArray, ...],
+        point: FloatArray,
+        drive: FloatArray,
+    ) -> None:
         # One neuron after the other, so that the currents of a group stay in the cache while its
         # dimensions are added.
-        point, drive, rows = state.point, state.drive, state.scaled_encoders
+        rows = state.scaled_encoders
         for g in range(len(point)):
             for j in range(len(rows)):
                 point[g, j] = 0.0
@@ -384,7 +392,6 @@ class Ensemble(Block):
                 if len(input) > 0:
                     for term in input:
                         point[g, j] += term[g * len(rows) + j]
-        for g in range(len(point)):
             row, value = rows[0], point[g, 0]
             for i in range(g * state.each, (g + 1) * state.each):
                 drive[i] = state.bias[i] + row[i] * value
@@ -396,7 +403,6 @@ class Ensemble(Block):
             for straight in current:
                 for i in range(len(drive)):
                     drive[i] += state.gain[i] * straight[i]
-        self._step(state, t, learn)
 
     def _step(self, state: BlockState, t: float, learn: float) -> None:
         """Advance the neurons by the currents of this step, and the encoders by their spikes."""

@@ -27,6 +27,7 @@ class Tuning:
 
     neuron : the model. gain, bias : (groups * n,). encoders : (groups * n, d), of length 1 unless
     given otherwise. radius : inputs are divided by it. groups : each of n neurons and d dimensions.
+    ahead : whether the spikes are those of the coming step, and not of the last one.
     """
 
     neuron: NeuronModel
@@ -35,6 +36,7 @@ class Tuning:
     encoders: FloatArray
     radius: float
     groups: int = 1
+    ahead: bool = False
 
     @property
     def neurons(self) -> int:

@@ -163,6 +163,7 @@ def run_ablation(
             rows[row.cells[0]].append(row)
     done = AblationResult(plan, folder, test, rows, not finished)
     if finished:
+        options.finish()
         write_checked(folder / TABLE, done.to_dict())
         _draw_diagrams(plan, folder)
     return done
@@ -181,8 +182,9 @@ def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Prog
     def task(trial: Trial) -> Task:
         # The settings of a variant would all have the same folder: the first one is kept.
         if trial.seed == first and trial.configuration.number % len(plan.design) == 0:
-            return Task(trial, "trajectory", SAVED_STATUSES, None, options.timeout, plan.signals)
-        return Task(trial, timeout=options.timeout, signals=plan.signals)
+            shown = {"record": "trajectory", "keep": SAVED_STATUSES}
+            return options.task(trial, signals=plan.signals, **shown)
+        return options.task(trial, signals=plan.signals)
 
     def record(trial: Trial, result: TrialResult) -> None:
         nonlocal finished

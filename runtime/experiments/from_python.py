@@ -58,6 +58,7 @@ def sweep(
     jobs: int | None = None,
     scheduler: str | None = None,
     timeout: float | None = None,
+    checkpoint: float | None = None,
 ) -> SweepTable:
     """Run a graph with all combinations, or samples, of some values, each with every seed.
 
@@ -78,6 +79,8 @@ def sweep(
     jobs : worker processes; one per processor by default.
     scheduler : address of a Dask cluster that runs the trials instead.
     timeout : time limit of a trial (s).
+    checkpoint : the time between two checkpoints of each running trial (s of the clock), from
+        which ``resume`` goes on; none by default. For trials that take minutes.
 
     Raises
     ------
@@ -105,8 +108,8 @@ def sweep(
     plan = sweep_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> SweepResult:
-        pool = pool_factory(jobs, scheduler, timeout)
-        options = RunOptions(target, pool, resume, keep, timeout)
+        pool = pool_factory(jobs, scheduler, timeout, checkpoint)
+        options = RunOptions(target, pool, resume, keep, timeout, checkpoint=checkpoint)
         return run_sweep(plan, options, Progress(plan.name))
 
     return _table(folder, plan.name, run, SweepTable.of)
@@ -127,6 +130,7 @@ def ablate(
     jobs: int | None = None,
     scheduler: str | None = None,
     timeout: float | None = None,
+    checkpoint: float | None = None,
 ) -> AblationTable:
     """Compare variants of a graph with it, on the same seeds.
 
@@ -142,7 +146,7 @@ def ablate(
     margin : the smallest difference that counts, of all metrics or by metric: a number in the
         metric's unit, or a share of the baseline's mean such as ``"5%"``.
     test : of differences: ``t``, ``ranks``, or ``auto``, which takes ranks where values are skewed.
-    folder, resume, jobs, scheduler, timeout : as for :func:`sweep`.
+    folder, resume, jobs, scheduler, timeout, checkpoint : as for :func:`sweep`.
 
     Raises
     ------
@@ -166,8 +170,8 @@ def ablate(
     plan = ablation_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> AblationResult:
-        pool = pool_factory(jobs, scheduler, timeout)
-        options = RunOptions(target, pool, resume, timeout=timeout)
+        pool = pool_factory(jobs, scheduler, timeout, checkpoint)
+        options = RunOptions(target, pool, resume, timeout=timeout, checkpoint=checkpoint)
         return run_ablation(plan, options, Progress(plan.name), test)
 
     return _table(folder, plan.name, run, AblationTable.of)
@@ -195,6 +199,7 @@ def tune(
     jobs: int | None = None,
     scheduler: str | None = None,
     timeout: float | None = None,
+    checkpoint: float | None = None,
 ) -> TuningTable:
     """Find the values of some factors that minimise metrics, and judge them on held-out runs.
 
@@ -210,7 +215,7 @@ def tune(
     stop_early : whether configurations that half of the others beat are stopped (yes).
     seeds, conditions : of the training runs; conditions are changed graphs by name.
     held_out, held_out_conditions : of the runs that judge; other seeds, 1000..1019 by default.
-    folder, resume, jobs, scheduler, timeout : as for :func:`sweep`.
+    folder, resume, jobs, scheduler, timeout, checkpoint : as for :func:`sweep`.
 
     Raises
     ------
@@ -231,8 +236,8 @@ def tune(
     plan = tuning_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> TuningResult:
-        pool = pool_factory(jobs, scheduler, timeout)
-        options = RunOptions(target, pool, resume, timeout=timeout)
+        pool = pool_factory(jobs, scheduler, timeout, checkpoint)
+        options = RunOptions(target, pool, resume, timeout=timeout, checkpoint=checkpoint)
         done = run_tuning(plan, options, Progress(plan.name))
         save_json(done)
         return done

@@ -111,9 +111,7 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
     """
     began = time.perf_counter()
     tally = Tally.of(len(plan.seeds), plan.metrics, plan.objective, plan.ends, plan.never)
-    retention = RetentionPolicy(
-        options.folder, options.keep, plan.objective, tally.column, options.timeout, plan.signals
-    )
+    retention = RetentionPolicy(options, plan.objective, tally.column, plan.signals)
     open_folder(plan, options)
 
     def draw() -> None:
@@ -137,6 +135,8 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
             result.is_interrupted = not run_all(
                 trials, options.make_pool, retention.task, record, progress, draw
             )
+    if not result.is_interrupted:
+        options.finish()
     result.wall_s = time.perf_counter() - began
     write_json(options.folder / SUMMARY, result.summary())
     return result

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from runtime.toolchain import INEXACT as ROUNDED
+
 HEAD = re.compile(r"^static (?:const )?(?:struct )?\w+ \**(\w+)\((.*)\)$")
 LOOP = re.compile(
     r"for \((?:int64_t )?\w+ = ([^;]+); \w+ ([<>]) ([^;]+); \w+(?:\+\+|--| [+-]= (\d+))\)"
@@ -33,9 +35,17 @@ MATH = (
     *("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "exp2"),
     *("log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil"),
     *("trunc", "rint", "round", "fabs", "hypot", "copysign", "fmod", "pow"),
-    *("remainder", "frexp", "ldexp", "fmin", "fmax", "nearbyint"),
+    *("remainder", "frexp", "ldexp", "fmin", "fmax", "nearbyint", "erf", "erfc"),
 )
+INEXACT = tuple(
+    name for name in ROUNDED if name in MATH
+)  # libraries round these each in its own way
 ONES = ("least", "greatest", "np_least", "np_greatest", "sign_of")
+
+
+def inexact(text: str) -> list[str]:
+    """The functions that a C text calls of which libraries differ in the last bits."""
+    return [name for name in INEXACT if re.search(rf"\b(?:real_)?{name}\(", text)]
 
 
 @dataclass

@@ -14,14 +14,26 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 from blocks.core import Block
 from runtime.document import Value
 from runtime.engine import Engine, begin_again
+from runtime.errors import UsageError
+from runtime.files import remove_tree
 from runtime.graph.graph import Graph
 from runtime.graph.numbers import Numbers
+from runtime.graph.replaying import last_checkpoint
 from runtime.observation import Metric
-from runtime.runs import PreparedRun, Result, chosen_runner, simulate
+from runtime.runs import (
+    Checkpoints,
+    Draft,
+    PreparedRun,
+    Result,
+    chosen_runner,
+    new_folder,
+    simulate,
+)
 
 
 @dataclass
@@ -115,6 +127,43 @@ class RepeatedRuns:
         if result.status in ("complete", "stopped"):
             self._last = last  # after anything else, a tick may be half done
         return result
+
+    def run_with_checkpoints(
+        self,
+        values: Mapping[str, Value],
+        seed: int,
+        checkpoints: tuple[Path, float],
+        progress: Callable[[int, int], None] | None = None,
+        whole: bool = True,
+    ) -> Result:
+        """As :meth:`run`, but recorded on disk, from the last checkpoint of an earlier attempt.
+
+        Parameters
+        ----------
+        checkpoints : the folder of this run's attempts, which is removed when it has ended, and
+            the time between two checkpoints (s of the clock).
+
+        Raises
+        ------
+        UsageError : the recording cannot be written.
+        """
+        place, every = checkpoints
+        self._last = None
+        prepared = self._changed(values).with_seed(seed).prepared(self.plots, growing=True)
+        self.metrics = prepared.program.observation.metrics
+        try:
+            source, wrong = last_checkpoint(place), []
+        except UsageError as error:
+            source, wrong = None, [f"began anew, since {error}"]
+        draft = Draft(new_folder(place.parent, place.name))
+        written = Checkpoints(draft.recordings, every, source, notes=wrong)
+        try:
+            folder = draft.recordings
+            return simulate(prepared, progress, folder=folder, checkpoints=written, whole=whole)
+        finally:
+            # What is mapped of a file that is removed stays.
+            draft.close()
+            remove_tree(place)
 
     def _changed(self, values: Mapping[str, Value]) -> Graph:
         """The graph with other entries, checked once for all seeds."""

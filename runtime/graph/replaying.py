@@ -2,25 +2,33 @@
 
 In: the folder of a run with a checkpoint. Out: its graph, and the checkpoint with its rows. In: the
 folder of a session. Out: a session that has come to the tick at which it was saved.
+
+What goes on records into a folder of its own, and never into the one that it goes on from, so that
+a kill at any moment leaves a checkpoint with its rows::
+
+    run killed            .a-3f9a01.partial/recording
+    resume                a, recovered           .b-77d0e2.partial/recording
+      killed before its first checkpoint: goes on from a; later: b, recovered, and so on
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from blocks.core import FloatArray, hint
+from blocks.core import hint
 from runtime.errors import UsageError
-from runtime.files import check_form, read_text
+from runtime.files import check_form, read_text, remove_tree, system_errors
 from runtime.graph.graph import Graph
 from runtime.graph.loading import load
 from runtime.runs import (
     BEFORE,
     CHECKPOINT,
     MANIFEST,
+    RECORDING,
     RESOLVED,
+    Source,
     leftovers,
     read_run,
     recover,
@@ -28,10 +36,9 @@ from runtime.runs import (
     restored,
     run_folder,
 )
-from runtime.sessions import CALLS, GRAPH, SESSION, VERSION, Session
+from runtime.sessions import CALLS, CHANGES, GRAPH, SESSION, VERSION, Session, changes_of
 
-_CHANGE = {"tick": int, "call": str, "arguments": list}
-_FORM = {"session": int, "ticks": int, "changes": [_CHANGE]}
+_FORM = {"session": int, "ticks": int, "changes": int}
 
 
 def is_session(path: str | Path) -> bool:
@@ -58,13 +65,19 @@ def open_session(folder: str | Path) -> Session:
         check_form(stored, _FORM)
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
-    session = load(place / GRAPH).session()
-    for each in stored["changes"]:
-        if each["call"] not in CALLS:
-            call = each["call"]
-            raise UsageError(f"'{path}': a session has no method '{call}'{hint(call, CALLS)}")
-        session.step(each["tick"] - session.tick)
-        getattr(session, each["call"])(*each["arguments"])
+    session, path = load(place / GRAPH).session(), place / CHANGES
+    with system_errors(f"read '{path}'"), path.open(encoding="utf-8") as lines:
+        for number, line in enumerate(lines, 1):
+            try:
+                for tick, call, arguments in changes_of(json.loads(line)):
+                    if call not in CALLS:
+                        raise ValueError(f"a session has no method '{call}'{hint(call, CALLS)}")
+                    session.step(tick - session.tick)
+                    getattr(session, call)(*arguments)
+            except (TypeError, ValueError) as error:
+                raise UsageError(f"'{path}', line {number}: {error}") from None
+    if len(session.log) != stored["changes"]:
+        raise UsageError(f"'{path}' has not the {stored['changes']} changes that were saved")
     return session.step(stored["ticks"] - session.tick)
 
 
@@ -74,7 +87,7 @@ class Resumable:
 
     folder: Path
     graph: Graph
-    source: tuple[Path, Mapping[str, FloatArray]]
+    source: Source
 
 
 def resumable(path: str | Path, until: float | None = None) -> Resumable:
@@ -90,40 +103,67 @@ def resumable(path: str | Path, until: float | None = None) -> Resumable:
     ------
     UsageError : there is no run, no checkpoint that can be used, or nothing is left to run.
     """
-    folder = _newest(Path(path))
+    folder = _newest(Path(path)) or run_folder(path)
     run = read_run(folder)
     graph = load(folder / RESOLVED)
     if until is not None:
         graph = graph.set("run.until", until)
-    found = [folder / name for name in (CHECKPOINT, BEFORE) if (folder / name).is_file()]
-    if not found:
-        raise UsageError(
-            f"'{folder}' has no checkpoint; a run with --checkpoint 60s writes one a minute. "
-            "'--from' begins a new run with the states that one ended with"
-        )
+    source, tick = _last(folder)
     if run.status == "stopped":
         raise UsageError(f"run.stop ended '{folder}' at t = {run.manifest['stopped_at']:g}")
     if run.status == "complete" and run.ticks >= graph.network.ticks:
         end, unit = graph.network.until, graph.network.time_unit
         raise UsageError(f"'{folder}' is complete up to {end:g} {unit}; --until is how it goes on")
-    rows = {name: recording.values for name, recording in run.probes.items()}
+    # A run that was killed while it was written has nothing left to run, but no metrics yet.
+    if tick > graph.network.ticks:
+        end = tick * graph.network.dt
+        raise UsageError(f"'{folder}' has come to {end:g} already; --until is how it goes on")
+    return Resumable(folder, graph, source)
+
+
+def last_checkpoint(place: Path) -> Source | None:
+    """What a run goes on from whose attempts, all killed, are alone in a folder; None if nothing.
+
+    What is older is removed.
+
+    Raises
+    ------
+    UsageError : the checkpoints are damaged.
+    """
+    folder = _newest(place)
+    for each in leftovers(place) if place.is_dir() else ():
+        remove(each)
+    for older in place.glob(f"*/{MANIFEST}"):
+        if older.parent != folder:
+            remove_tree(older.parent)
+    return None if folder is None or not _checkpoints(folder) else _last(folder)[0]
+
+
+def _checkpoints(folder: Path) -> list[Path]:
+    """The checkpoints in a folder, the last one first."""
+    return [folder / name for name in (CHECKPOINT, BEFORE) if (folder / name).is_file()]
+
+
+def _last(folder: Path) -> tuple[Source, int]:
+    """The last checkpoint of a run that can be read, with its rows, and its tick."""
+    checkpoints = _checkpoints(folder)
+    if not checkpoints:
+        raise UsageError(
+            f"'{folder}' has no checkpoint; a run with --checkpoint 60s writes one a minute. "
+            "'--from' begins a new run with the states that one ended with"
+        )
+    rows = {name: recording.values for name, recording in read_run(folder).probes.items()}
     wrong: list[str] = []
-    for checkpoint in found:
+    for checkpoint in checkpoints:
         try:
-            tick = restored(checkpoint, rows)[0].tick
+            return (checkpoint, rows), restored(checkpoint, rows)[0].tick
         except UsageError as error:
             wrong.append(str(error))
-            continue
-        # A run that was killed while it was written has nothing left to run, but no metrics yet.
-        if tick > graph.network.ticks:
-            end = tick * graph.network.dt
-            raise UsageError(f"'{folder}' has come to {end:g} already; --until is how it goes on")
-        return Resumable(folder, graph, (checkpoint, rows))
     raise UsageError("; ".join(wrong))
 
 
-def _newest(path: Path) -> Path:
-    """The folder of a run; that of a killed run is recovered first."""
+def _newest(path: Path) -> Path | None:
+    """The folder of the newest run in a folder of runs; one that was killed is recovered first."""
     if path.is_dir() and not (path / MANIFEST).is_file():
         # 'latest' is a link to one of them.
         runs = [m for m in path.glob(f"*/{MANIFEST}") if not m.parent.is_symlink()]
@@ -133,14 +173,16 @@ def _newest(path: Path) -> Path:
             for each in leftovers(path)
             if each.has_recording and not (path / each.name).exists()
         }
-        newest = max(killed.keys() | complete.keys(), default=None)
+        # One that was killed before its first checkpoint has nothing that an older one has not.
+        begun = {age for age, each in killed.items() if _checkpoints(each.path / RECORDING)}
+        newest = max(begun | complete.keys(), default=max(killed, default=None))
         if newest in complete:
             return complete[newest]
         if newest is not None:
             folder = recover(killed[newest])
             remove(killed[newest])
             return folder
-    return run_folder(path)
+    return None
 
 
 def _age(name: str, changed_at: float) -> tuple[str, float, str]:

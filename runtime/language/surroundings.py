@@ -16,12 +16,13 @@ from pathlib import Path
 from blocks.core import Block
 from blocks.registry import Modules
 from runtime.document import Node, complete_document, find_file, parse_yaml
-from runtime.errors import NOWHERE, GraphError, Problem, Where
+from runtime.errors import NOWHERE, GraphError, MissingExtraError, Problem, Where
 from runtime.graph import Graph
 from runtime.language.cut import Cut
 from runtime.language.versions import Version
 
 MAX_BLOCKS = 50_000
+MAX_BASELINES = 8
 
 
 @lru_cache(maxsize=128)
@@ -38,6 +39,7 @@ class Surroundings:
     block_cache : blocks of earlier versions, by type and parameters.
     longest : characters of a file that is read; None for any number.
     versions : the last version of each file that had no problems. pieces : of its last text.
+    baselines : graphs that experiments name, as they were read last.
     """
 
     unsaved: Mapping[Path, str] = field(default_factory=dict)
@@ -46,6 +48,7 @@ class Surroundings:
     longest: int | None = None
     versions: dict[Path, Version] = field(default_factory=dict, compare=False)
     pieces: dict[Path, Cut] = field(default_factory=dict, compare=False)
+    baselines: dict[Path, Graph] = field(default_factory=dict, compare=False)
 
     def refusal(self, source: str) -> str:
         """Why a file is not read; empty if it is."""
@@ -89,7 +92,9 @@ class Surroundings:
             return None
 
     def load(self, name: str) -> Graph:
-        """A graph that an experiment names.
+        """A graph that an experiment names; the same one as long as its text is the same.
+
+        So it is checked once, and so is each value that the experiment tries in it.
 
         Raises
         ------
@@ -99,4 +104,15 @@ class Surroundings:
         document, problems = self.complete(self._parse(self.text(path) or "", str(path)), path)
         if problems:
             raise GraphError(problems)
-        return Graph.of_document(document, path, self.modules)
+        earlier = self.baselines.get(path)
+        if earlier is not None and earlier.document == document:
+            return earlier
+        graph = Graph.of_document(document, path, self.modules)
+        try:
+            if not graph.texts:  # a table or a module may change while the graph does not
+                if len(self.baselines) >= MAX_BASELINES:
+                    self.baselines.clear()
+                self.baselines[path] = graph
+        except (GraphError, MissingExtraError):
+            pass  # whoever asked for the graph checks it, and reports what is wrong
+        return graph

@@ -29,13 +29,13 @@ from runtime.nengo.flow import (
     Source,
     Terms,
     is_full,
+    rule_of,
     selected,
+    signal_of_rule,
 )
 from runtime.nengo.populations import (
     ensemble_entry,
     rule_entry,
-    rule_of,
-    signal_of_rule,
     synapse_entry,
 )
 from runtime.nengo.probing import Recording, recording
@@ -252,11 +252,12 @@ class Conversion:
         connection = source.connection
         synapse, rule = synapse_entry(source.synapse), rule_of(connection)
         supervised = isinstance(rule, (nengo.PES, nengo.RLS))
-        key = (population, str(synapse), weights.shape, weights.tobytes())
+        port = self.port(source)
+        key = (population, port, str(synapse), weights.shape, weights.tobytes())
         if key in self.addresses and rule is None:
             return self.addresses[key]
         name = f"{population.name}_{consumer}".rstrip("_")
-        spikes = f"{population.name}.spikes"
+        spikes = f"{population.name}.{port}"
         if is_full(connection) and rule is not None and not supervised:
             # Nengo's rule changes weights that hold the gains, ours those before the gains.
             message = "such a rule on weights of a solver is not read; connect the neurons"
@@ -269,7 +270,7 @@ class Conversion:
                 entry["learning"] = rule_entry(rule)
                 post = self.flow.of[connection.post_obj.ensemble][0]
                 self.result.wires[name]["post"] = f"{post.name}.spikes"
-                self.learners[connection] = name
+                self.learners.setdefault(connection, name)
             address = f"{name}.current"
         else:
             if supervised and isinstance(connection.pre_obj, nengo.ensemble.Neurons):
@@ -282,12 +283,20 @@ class Conversion:
             self.result.wires[name] = {"spikes": spikes}
             if rule is not None and supervised:
                 self.addresses[source] = address  # an error may come from the learnt value
-                self.learners[connection] = name
+                self.learners.setdefault(connection, name)
                 self.learning(name, source, rule)
-        if source.synapse is None and not isinstance(connection, Probed):
-            note = "its value is a tick later than Nengo's: give the connection a synapse"
-            self.result.notes.append(f"{name} has no synapse; {note}")
         return address
+
+    def port(self, source: Decoded) -> str:
+        """The spikes that a connection takes; without a synapse, those of its own step."""
+        name = source.population.name
+        if source.is_prompt:
+            self.result.blocks[name]["type"] = "FeedthroughEnsemble"
+            return "now"
+        if source.synapse is None and not isinstance(source.connection, Probed):
+            note = "a connection without a synapse is a tick later than Nengo's: give it one"
+            self.result.notes.append(f"{name}: {note}")
+        return "spikes"
 
     def learner(self, connection: Any) -> str:
         """The block whose weights a connection's rule changes."""

@@ -68,6 +68,17 @@ class Decoded:
         return self.connection.learning_rule_type is None
 
     @property
+    def is_prompt(self) -> bool:
+        """Whether it has no synapse, and a graph the spikes of its own step."""
+        connection, neurons = self.connection, self.population.first
+        if self.synapse is not None or connection.post_obj is None or neurons.noise is not None:
+            return False
+        if isinstance(neurons.neuron_type, (nengo.StochasticSpiking, nengo.PoissonSpiking)):
+            return False
+        rule = rule_of(connection)
+        return rule is None or isinstance(rule, (nengo.PES, nengo.RLS))
+
+    @property
     def is_single(self) -> bool:
         """Whether its population is one ensemble."""
         return self.population.groups == 1
@@ -263,6 +274,30 @@ def selected(matrix: FloatArray) -> str:
     if not (matrix[rows, columns] == 1.0).all():
         return ""
     return f"{columns[0]}" if len(columns) == 1 else f"{columns[0]}:{columns[-1] + 1}"
+
+
+def rule_of(connection: Any) -> Any:
+    """The rule of a connection, or None.
+
+    Raises
+    ------
+    UsageError : there are several.
+    """
+    return _only(connection.learning_rule_type, connection)
+
+
+def signal_of_rule(connection: Any) -> Any:
+    """What the error of a connection's rule is connected to."""
+    return _only(connection.learning_rule, connection)
+
+
+def _only(rule: Any, connection: Any) -> Any:
+    rules = list(rule.values()) if isinstance(rule, dict) else rule
+    if not isinstance(rules, (list, tuple)):
+        return rules
+    if len(rules) > 1:
+        raise UsageError(f"{connection}: several rules on one connection are not read")
+    return rules[0] if rules else None
 
 
 def is_full(connection: Any) -> bool:

@@ -121,30 +121,6 @@ def _noise_synapse(process: Any) -> dict[str, Any]:
     return {} if synapse == "none" else {"noise_synapse": synapse}
 
 
-def rule_of(connection: Any) -> Any:
-    """The rule of a connection, or None.
-
-    Raises
-    ------
-    UsageError : there are several.
-    """
-    return _only(connection.learning_rule_type, connection)
-
-
-def signal_of_rule(connection: Any) -> Any:
-    """What the error of a connection's rule is connected to."""
-    return _only(connection.learning_rule, connection)
-
-
-def _only(rule: Any, connection: Any) -> Any:
-    rules = list(rule.values()) if isinstance(rule, dict) else rule
-    if not isinstance(rules, (list, tuple)):
-        return rules
-    if len(rules) > 1:
-        raise UsageError(f"{connection}: several rules on one connection are not read")
-    return rules[0] if rules else None
-
-
 def rule_entry(rule: Any) -> dict[str, Any]:
     """A rule of learning."""
     name = type(rule).__name__

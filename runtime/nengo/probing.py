@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import nengo
@@ -19,8 +19,8 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.nengo.decoding import Probed
-from runtime.nengo.flow import Decoded, Flow, Terms, is_direct, is_full
-from runtime.nengo.populations import rule_entry, rule_of, synapse_entry
+from runtime.nengo.flow import Decoded, Flow, Terms, is_direct, is_full, rule_of
+from runtime.nengo.populations import rule_entry, synapse_entry
 
 STATES = {"input": "drive", "refractory_time": "refractory", "adaptation": "recovery"}
 RULE_STATES = {"inv_gamma": "inverse", "theta": "theta"}
@@ -96,7 +96,7 @@ def recording(conversion: Conversion, probe: Any, name: str) -> Recording:
         if attribute == "weights":
             return _of_weights(conversion, probe, name)
         if attribute == "output":
-            return _of_terms(conversion, probe, conversion.flow.through(target), name)
+            return _of_connection(conversion, probe, name)
         raise UsageError(f"{probe}: the input of a connection is not read; probe what it is of")
     if attribute == "scaled_encoders":
         return _of_encoders(conversion, probe, target)
@@ -109,8 +109,18 @@ def recording(conversion: Conversion, probe: Any, name: str) -> Recording:
     return _of_terms(conversion, probe, terms, name)
 
 
+def _of_connection(conversion: Conversion, probe: Any, name: str) -> Recording:
+    connection, terms = probe.obj, conversion.flow.through(probe.obj)
+    if is_full(connection):
+        gain = conversion.simulator.data[connection.post_obj].gain[:, None]
+        terms = [(source, gain * matrix) for source, matrix in terms]
+    # Nengo's row has a synapse's output after the step, which comes to its end in the next one.
+    late = int(probe.synapse is None and connection.synapse is not None)
+    return replace(_of_terms(conversion, probe, terms, name), late=late)
+
+
 def _of_terms(conversion: Conversion, probe: Any, terms: Terms, name: str) -> Recording:
-    flow, size = conversion.flow, probe.obj.size_out
+    flow, size = conversion.flow, len(terms[0][1]) if terms else probe.obj.size_out
     terms = [(flow.filtered(s, probe.synapse), m) for s, m in terms]
     return Recording(probe, conversion.total(name, terms, size), size=size, whole=size)
 
@@ -148,10 +158,12 @@ def _of_weights(conversion: Conversion, probe: Any, name: str) -> Recording:
         address = conversion.zeros(name, 1)
         return Recording(probe, address, then=lambda v: np.repeat(fixed[None], len(v), axis=0))
     address = f"{conversion.learner(connection)}.weights"
+    source = conversion.flow.through(connection)[0][0]
+    late = int(not (isinstance(source, Decoded) and source.is_prompt))
     if is_full(connection):
         gain = conversion.simulator.data[connection.post_obj].gain[:, None]
-        return Recording(probe, address, 1, then=lambda v: v * gain)
-    return Recording(probe, address, 1, then=lambda v: v)
+        return Recording(probe, address, late, then=lambda v: v * gain)
+    return Recording(probe, address, late, then=lambda v: v)
 
 
 def _of_rule(conversion: Conversion, probe: Any, name: str) -> Recording:
@@ -201,4 +213,6 @@ def _decoded(conversion: Conversion, probe: Any, name: str) -> Recording:
     d = ensemble.dimensions
     source = Decoded(population, probe.synapse, Probed(ensemble, probe.synapse), weights, d)
     address = conversion.decoder(source, name)
-    return Recording(probe, address, 0, index * d, d, d * population.groups)
+    # Without a synapse, Nengo's row has the spikes of its own step, which arrive a tick later here.
+    late = int(probe.synapse is None)
+    return Recording(probe, address, late, index * d, d, d * population.groups)

@@ -53,7 +53,8 @@ class PortDeclaration:
             array = np.asarray(written)
         except (TypeError, ValueError):
             array = np.empty((0, 0))
-        if array.dtype.kind not in "biuf" or array.shape not in ((), self.type.shape):
+        # True is no number, although Python adds it as one.
+        if array.dtype.kind not in "iuf" or array.shape not in ((), self.type.shape):
             expected = f"expected {self.type.numbers} for a {self.type}"
             raise ValueError(f"'{self.name}': {expected}, got {show(written)}")
         array = np.broadcast_to(array, self.type.shape).astype(np.float64)

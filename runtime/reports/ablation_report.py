@@ -32,14 +32,14 @@ from runtime.reports.html import Html, element, facts, grouped_table, join, page
 from runtime.terminal import with_unit
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
-_DIFFERENCE = {
+DIFFERENCE = {
     **_ESTIMATE,
     "p": MAYBE_NUMBER,
     "p_adjusted": MAYBE_NUMBER,
     "p_presence": MAYBE_NUMBER,
     "distinguishable": (bool, type(None)),
 }
-_LINE = {
+LINE = {
     **_ESTIMATE,
     **{"variant": str, "metric": str, "runs": int, "recorded": bool},
     "difference": (dict, type(None)),
@@ -50,7 +50,7 @@ _VARIANT = {
 }
 _FACTS = {
     **{"experiment": str, "graph": str, "test": str, "correction": str, "essential": dict},
-    **{"seeds": [int], "metrics": [str], "variants": [_VARIANT], "table": [_LINE]},
+    **{"seeds": [int], "metrics": [str], "variants": [_VARIANT], "table": [LINE]},
 }
 
 
@@ -103,29 +103,41 @@ def _facts(results: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
 
 
 def _differences(results: Mapping[str, Any]) -> Html:
-    head = ["variant", "n", "mean", "95 % interval of the mean"]
+    note = element(
+        "p",
+        f"Differences are from the baseline, paired by seed ({results['test']}); in %, the typical "
+        f"ratio of skewed values. {significance(results['correction'])} “removed”: the variant "
+        "does not have the signal that the metric measures.",
+        class_="soft small",
+    )
+    return join(differences(results), note)
+
+
+def significance(correction: str, units: str = "seeds") -> str:
+    """What the words in the tables of differences mean."""
+    return (
+        f"A difference is significant if p < {LEVEL:.2g} after {correction}'s correction for all "
+        f"comparisons of the table that can differ. n/N: n of N {units} have a value (for a "
+        "difference, on both sides), and means are over those; what is never reached, and a run "
+        f"that failed, counts as worse than any value. “yes, in seeds”: the share of {units} with "
+        f"a value differs significantly. “too few seeds”: {too_few()} by an exact test. "
+        f"“{NEGLIGIBLE}”: the interval is within the smallest difference that counts. “{SAME}”: "
+        f"{SAME_RUNS}."
+    )
+
+
+def differences(results: Mapping[str, Any], name: str = "variant") -> Html:
+    """The lines of a comparison, metric by metric; ``name`` is what is compared."""
+    head = [name, "n", "mean", "95 % interval of the mean"]
     head += ["difference", "95 % interval of the difference"]
     head += ["p, corrected", "significant"]
     groups: dict[str, list[list[str]]] = {}
     for line in results["table"]:
-        name = with_unit(line["metric"], results.get("units") or {})
-        name = ", ".join(filter(None, (name, line.get("setting"))))
+        title = with_unit(line["metric"], results.get("units") or {})
+        title = ", ".join(filter(None, (title, line.get("setting"))))
         never = (results.get("never") or {}).get(line["metric"], NEVER)
-        groups.setdefault(name, []).append(_line(line, never))
-    note = element(
-        "p",
-        f"Differences are from the baseline, paired by seed ({results['test']}); in %, the typical "
-        f"ratio of skewed values. A difference is significant if p < {LEVEL:.2g} after "
-        f"{results['correction']}'s correction for all comparisons of the table that can differ. "
-        "n/N: n of N seeds have a value (for a difference, in both variants), and means are over "
-        "those; what is never reached, and a run that failed, counts as worse than any value. "
-        "“yes, in seeds”: the share of seeds with a value differs significantly from the "
-        f"baseline's. “too few seeds”: {too_few()} by an exact test. “{NEGLIGIBLE}”: the interval "
-        f"is within the smallest difference that counts. “{SAME}”: {SAME_RUNS}. “removed”: the "
-        "variant does not have the signal that the metric measures.",
-        class_="soft small",
-    )
-    return join(grouped_table(head, groups, range(1, 7), label="differences"), note)
+        groups.setdefault(title, []).append(_line(line, never))
+    return grouped_table(head, groups, range(1, 7), label="differences")
 
 
 def _line(line: Mapping[str, Any], never: str) -> list[str]:
@@ -205,7 +217,7 @@ def _read(folder: Path) -> dict[str, Any]:
         check_form(facts, _FACTS)
         for i, line in enumerate(facts["table"]):
             if line["difference"] is not None:
-                check_form(line["difference"], _DIFFERENCE, f"table[{i}].difference")
+                check_form(line["difference"], DIFFERENCE, f"table[{i}].difference")
         _check_whole(facts)
         if facts.get("schema_version") != 1:
             check_entries(facts)

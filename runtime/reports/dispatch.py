@@ -1,4 +1,5 @@
-"""Reports on a folder according to its content: a run, a sweep, an ablation or a tuning.
+"""Reports on a folder according to its content: a run, a sweep, an ablation, a tuning
+or a contest.
 
 In: a folder. Out: a page; nothing of the folder is imported or run::
 
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from runtime.errors import UsageError
 from runtime.experiments.execution import PLAN, read_plan
+from runtime.experiments.tuning import CONTEST
 from runtime.files import check_form
 from runtime.runs import MANIFEST, run_folder
 
@@ -21,7 +23,7 @@ _PLAN = {"kind": str, "experiment": str, "total": int, "metrics": [str]}
 @dataclass(frozen=True)
 class Report:
     """A page, the kind of its subject ("run", "sweep", "ablation",
-    "tuning"), and the subject's folder."""
+    "tuning", "contest"), and the subject's folder."""
 
     kind: str
     folder: Path
@@ -29,19 +31,23 @@ class Report:
 
 
 def report(path: str | Path) -> Report:
-    """Report on a run, a sweep, an ablation or a tuning.
+    """Report on a run, a sweep, an ablation, a tuning or a contest.
 
     Parameters
     ----------
-    path : the folder, a link to it, or its manifest or plan.
+    path : the folder, a link to it, or its manifest, plan or contest.json.
 
     Raises
     ------
     UsageError : the folder has none of them, or its files are missing or damaged.
     """
     folder = Path(path)
-    if folder.name in (MANIFEST, PLAN):
+    if folder.name in (MANIFEST, PLAN, CONTEST):
         folder = folder.parent
+    if (folder / CONTEST).is_file():
+        from runtime.reports.contest_report import contest_report
+
+        return Report("contest", folder, contest_report(folder))
     if not (folder / PLAN).is_file():
         return _run(folder)
     plan = read_plan(folder)
@@ -69,10 +75,10 @@ def report(path: str | Path) -> Report:
 def _run(folder: Path) -> Report:
     from runtime.reports.run_report import run_report
 
-    inside = sorted(plan.parent for plan in folder.glob(f"*/{PLAN}"))
+    inside = sorted(file.parent for name in (PLAN, CONTEST) for file in folder.glob(f"*/{name}"))
     if inside and not (folder / MANIFEST).is_file():
         suggestion = folder / "latest" if folder / "latest" in inside else inside[-1]
-        message = "is not the folder of a run, sweep, ablation or tuning"
+        message = "is not the folder of a run, sweep, ablation, tuning or contest"
         raise UsageError(f"'{folder}' {message}; did you mean '{suggestion}'?")
     suggestion = run_folder(folder)
     return Report("run", suggestion, run_report(suggestion))

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from runtime.experiments.analysis import LEVEL, NEVER
+from runtime.experiments.analysis import EQUAL, LEVEL, NEGLIGIBLE, NEVER, SAME, TOO_FEW
 from runtime.observation import RunData
 from runtime.reports import pieces
 
 MOST = 3  # metrics, or variants, in a sentence
 BASELINE = "baseline"
+NOT_SIGNIFICANT = "not significant"
 
 
 def words(name: str) -> str:
@@ -120,13 +121,49 @@ def _won(stored: Mapping[str, Any]) -> Iterator[str]:
             continue
         unit = str(stored["units"].get(name, ""))
         p = (best.get("difference") or {}).get("p_adjusted")
-        verdict = "" if p is None or p < LEVEL else "not significant, "
+        verdict = "" if p is None or p < LEVEL else f"{NOT_SIGNIFICANT}, "
         text = (
             f"{words(name)} on the held-out runs is {pieces.quantity(best['mean'], unit)} with "
             f"configuration {front[0]}, and {pieces.quantity(own['mean'], unit)} with the graph's "
             "own values"
         )
         yield _sentence(text, verdict + _p(p) if p is not None else "")
+
+
+def of_contest(stored: Mapping[str, Any]) -> str:
+    """The best contestant in the first metric, and whether the others differ significantly."""
+    metric, is_largest = stored["metrics"][0], "maximize" in stored
+    lines = [line for line in stored["table"] if line["metric"] == metric]
+    own = {line["variant"]: line for line in lines}
+
+    def rank(name: str) -> tuple[int, float]:
+        mean = own[name]["mean"] if own[name]["n"] else 0.0
+        return own[name]["runs"] - own[name]["n"], -mean if is_largest else mean
+
+    best, *others = sorted(own, key=rank)
+    unit, units = stored["units"].get(metric, ""), f"{stored['paired_by']}s"
+    if not own[best]["n"]:
+        return f"No contestant has a value of {words(metric)} in the held-out runs."
+    told = [_contestant(lines, best, name, unit) for name in others[:MOST]]
+    rest = "largest" if is_largest else "smallest"
+    mean, runs = pieces.quantity(own[best]["mean"], unit), own[best]["runs"]
+    text = f"{rest} {words(metric)} over {runs} held-out {units}: {best}, {mean}"
+    text += f", instead of {'; '.join(told)}" * bool(told)
+    return _sentence(text.replace("too few seeds", f"too few {units}"))
+
+
+def _contestant(lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: str) -> str:
+    """The mean of a contestant, and the verdict on its difference from the best."""
+    line = next(line for line in lines if {line["variant"], line["reference"]} == {best, name})
+    own = next(line for line in lines if line["variant"] == name)
+    mean = pieces.quantity(own["mean"], unit) if own["n"] else "no value"
+    share = f" in {own['n']} of {own['runs']}" * (0 < own["n"] < own["runs"])
+    difference = line["difference"] or {}
+    note = "" if _is_significant(line) else f"{NOT_SIGNIFICANT}, "
+    p = _p(difference.get("p_adjusted"))
+    if difference.get("verdict") in (TOO_FEW, EQUAL, NEGLIGIBLE, SAME):
+        note, p = difference["verdict"], ""
+    return f"{name}, {mean}{share} ({note}{p})".replace(" ()", "").replace(", )", ")")
 
 
 def _sentence(text: str, note: str = "") -> str:

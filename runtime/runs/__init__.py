@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.runs.checkpoint import BEFORE, Checkpoints, restored
+    from runtime.runs.checkpoint import BEFORE, Checkpoints, Source, restored
     from runtime.runs.commit import git_commit
     from runtime.runs.draft import (
+        RECORDING,
         Draft,
         leftovers,
         link_latest,
@@ -69,6 +70,7 @@ __all__ = [
     "METRICS",
     "OVERRUNS",
     "PROBES",
+    "RECORDING",
     "RESOLVED",
     "WRITTEN",
     "Checkpoints",
@@ -79,6 +81,7 @@ __all__ = [
     "Pacing",
     "PreparedRun",
     "Result",
+    "Source",
     "Trim",
     "at_start",
     "chosen_runner",

@@ -43,6 +43,8 @@ from runtime.runs.folder import CHECKPOINT, RESOLVED, read_arrays
 from runtime.streaming import save_arrays
 
 Progress = Callable[[int, int], None]
+# A checkpoint, and the rows that were recorded before it.
+Source = tuple[Path, Mapping[str, FloatArray]]
 VERSION = 1
 BEFORE = "checkpoint.before.npz"
 _PLAIN = (int, float, str, bool, type(None))
@@ -60,9 +62,9 @@ class Checkpoints:
 
     folder: Path
     every: float
-    source: tuple[Path, Mapping[str, FloatArray]] | None = None
+    source: Source | None = None
+    notes: list[str] = field(default_factory=list)
     engine: Engine = field(init=False)
-    notes: list[str] = field(init=False, default_factory=list)
     failed: bool = field(init=False, default=False)
 
     def begin(self, engine: Engine, progress: Progress | None) -> Progress:

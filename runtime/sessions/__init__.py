@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.sessions.session import CALLS, GRAPH, RUN, SESSION, VERSION, Session
+    from runtime.sessions.log import changes_of
+    from runtime.sessions.session import CALLS, CHANGES, GRAPH, RUN, SESSION, VERSION, Session
 else:
     __getattr__ = door(__name__)
 
-__all__ = ["CALLS", "GRAPH", "RUN", "SESSION", "VERSION", "Session"]
+__all__ = ["CALLS", "CHANGES", "GRAPH", "RUN", "SESSION", "VERSION", "Session", "changes_of"]

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from runtime.runs import (
     portable,
     result_of,
 )
+from runtime.sessions.log import Change, Log
 from runtime.sessions.signals import Signals
 
 
@@ -58,19 +59,8 @@ class ChangeableGraph(Protocol):
 
 
 # The methods that are logged; all but the first are those of a graph.
-SESSION, GRAPH, RUN, VERSION = "session.json", "graph.yaml", "run", 2
+SESSION, CHANGES, GRAPH, RUN, VERSION = "session.json", "log.jsonl", "graph.yaml", "run", 3
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
-
-
-class Change(NamedTuple):
-    """One change: the tick before which it was made, the method and its arguments."""
-
-    tick: int
-    call: str
-    arguments: tuple[Any, ...]
-
-    def __str__(self) -> str:
-        return f"tick {self.tick}: {self.call}({', '.join(map(repr, self.arguments))})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +72,7 @@ class SessionSnapshot:
     graph: ChangeableGraph
     engine: Engine
     carried: Carried
-    log: tuple[Change, ...]
+    log: Log
 
 
 class Session:
@@ -102,7 +92,7 @@ class Session:
     def __init__(self, graph: ChangeableGraph) -> None:
         self.first = self._graph = graph
         self._began = datetime.now().astimezone()
-        self._log: list[Change] = []
+        self._log = Log()
         # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
         self._unwritten: dict[str, Any] = {}
         self._failed: SimulationError | None = None
@@ -217,8 +207,8 @@ class Session:
         UsageError : there is no such input, or the value is none of its type or out of bounds.
         """
         self._check()
-        written = _plain(self._signals.write(port, value))
-        self._log.append(Change(self._engine.state.tick, "write", (port, written)))
+        written = self._signals.write(port, value)
+        self._log.write(self._engine.state.tick, port, written)
 
     # Changes
 
@@ -298,7 +288,7 @@ class Session:
         self._note(call, *arguments)
 
     def _note(self, call: str, *arguments: Any) -> None:
-        self._log.append(Change(self.tick, call, tuple(map(_plain, arguments))))
+        self._log.note(Change(self.tick, call, tuple(map(_plain, arguments))))
 
     def _extend(self, last: int) -> None:
         """Plan for a longer time: edges of sources are known up to ``run.until``."""
@@ -320,7 +310,7 @@ class Session:
         self._check()
         given = _carried(self._engine)
         return SessionSnapshot(
-            self.t, self.first, self.graph, self._engine, given, tuple(self._log)
+            self.t, self.first, self.graph, self._engine, given, self._log.copy()
         )
 
     def restore(self, saved: SessionSnapshot) -> None:
@@ -331,7 +321,7 @@ class Session:
         same = saved.graph is self.graph and saved.engine is self._engine
         engine = saved.engine if same else self._prepared(saved.graph)
         adopt(engine, saved.carried)
-        self._graph, self._log = saved.graph, list(saved.log)
+        self._graph, self._log = saved.graph, saved.log.copy()
         self._unwritten.clear()
         self._begin(engine)
 
@@ -340,7 +330,7 @@ class Session:
         other = Session.__new__(Session)
         other.first, other._began, other._pacing = self.first, self._began, self._pacing
         saved = self.snapshot()
-        other._log, other._graph, other._unwritten = list(saved.log), saved.graph, {}
+        other._log, other._graph, other._unwritten = saved.log, saved.graph, {}
         engine = self._prepared(saved.graph)
         adopt(engine, saved.carried)
         other._begin(engine)
@@ -364,7 +354,8 @@ class Session:
     def save(self, folder: str | Path) -> Path:
         """Write the session into a folder that must not exist yet; returns the folder.
 
-            a/session.json     version, ticks, and each change with its tick
+            a/session.json     version and ticks
+            a/log.jsonl        each change with its tick, or some writes, on a line
             a/graph.yaml       the graph before the first change, with the files that it names
             a/run/             the result, as a run folder
 
@@ -375,15 +366,11 @@ class Session:
         UsageError : the folder exists, or cannot be written.
         """
         place = Path(folder)
-        changes = [
-            {"tick": each.tick, "call": each.call, "arguments": list(each.arguments)}
-            for each in self._log
-        ]
-        content = {"session": VERSION, "ticks": self.tick, "changes": changes}
-        try:
-            text = json.dumps(content)  # infinity included, which json reads again
+        try:  # infinity included, which json reads again
+            lines = "".join(f"{json.dumps(entry)}\n" for entry in self._log.entries())
         except TypeError as error:
             raise UsageError(f"a change has a value that no file can hold: {error}") from None
+        content = {"session": VERSION, "ticks": self.tick, "changes": len(self._log)}
         result = self.result()
         if place.exists():
             raise UsageError(f"'{place}' exists already; choose another folder")
@@ -393,9 +380,10 @@ class Session:
             for name, data in contents(files, self.first.texts).items():
                 write_whole(own_file(place / name), data)
             write_whole(own_file(place / GRAPH), dump_yaml(plain))
+            write_whole(own_file(place / CHANGES), lines)
             result.save(place / RUN)
             # Last: without it, the folder is no session.
-            write_whole(own_file(place / SESSION), text)
+            write_whole(own_file(place / SESSION), json.dumps(content))
         return place
 
     def __repr__(self) -> str:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         install_command,
     )
     from runtime.toolchain.library import (
+        INEXACT,
         QUICK,
         THOROUGH,
         Builder,
@@ -37,6 +38,7 @@ else:
     __getattr__ = door(__name__)
 
 __all__ = [
+    "INEXACT",
     "QUICK",
     "THOROUGH",
     "VARIABLE",

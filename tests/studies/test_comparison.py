@@ -35,7 +35,8 @@ def test_contestants_of_a_task_share_runs_and_limits() -> None:
         contestants = plan.experiment(task)["contestants"]
         keys = {key for each in contestants.values() for key in each}
         assert keys <= {"with", "set", "replace", "without", "vary"}
-        learners = [contestants[name] for name in ("MRAC", "features", "rate neurons", "spikes")]
+        names = ("MRAC", "features", "rate neurons", "spikes")
+        learners = [contestants[name] for name in names if name in contestants]
         assert all(each["vary"] == learners[0]["vary"] for each in learners)
 
 
@@ -104,3 +105,21 @@ def test_the_page_is_that_of_the_rows(tmp_path: Path, monkeypatch: pytest.Monkey
     page.write()
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == written
     assert all(math.isfinite(x.contrast.mean) for x in judge.answers(plan.read()["questions"][0]))
+
+
+def test_runs_of_one_tuning_have_what_it_entered() -> None:
+    """The values of the configuration that was judged, not the first or the last that was tried."""
+    for name in ("LQR", "spikes"):
+        values = rows.entered("path", name, 0)
+        assert set(values) == set(plan.factors("path", name))
+        entry = plan.experiment("again", name, values, 0)["contestants"][name]
+        assert entry["set"] | values == entry["set"]
+        assert "vary" not in entry
+
+
+def test_controllers_that_are_given_have_no_scatter_of_tunings() -> None:
+    rng = np.random.default_rng(4)
+    a, b = rng.normal(0.0, 0.3, (5, 1, 1)) + np.zeros((5, 9, 2)), rng.normal(0, 0.1, (5, 9, 2))
+    wide, narrow = (judge.contrast(a, b, 0.2, of_these=only) for only in (False, True))
+    assert narrow.mean == wide.mean
+    assert narrow.high - narrow.low < 0.5 * (wide.high - wide.low)

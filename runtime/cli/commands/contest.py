@@ -77,7 +77,7 @@ def run(options: Namespace) -> int:
         from runtime.experiments.analysis.figures import save_figures
         from runtime.experiments.tuning.contest_plots import contest_figure
 
-        figures = [("contest", contest_figure(result, options.style))]
+        figures = [("contest", contest_figure(result.folder, options.style))]
         pictures = save_figures(result.folder, figures, options.figures)
     show_results(options, result.to_dict(), f"{result.text()}\n", pictures)
     return 0

@@ -1,4 +1,4 @@
-"""``runtime report``: write one HTML file about a run, a sweep, an ablation or a tuning."""
+"""``runtime report``: write one HTML file about a run or an experiment."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from pathlib import Path
 from runtime.arguments import add_json
 from runtime.terminal import show, show_json
 
-HELP = "write one self-contained HTML file about a run, a sweep, an ablation or a tuning"
+HELP = "write one self-contained HTML file about a run, sweep, ablation, tuning or contest"
 EXAMPLES = """
 runtime report runs/adaptive_line/latest
 runtime report sweeps/adaptive_line -o sweep.html
+runtime report contests/gains
 """
 
 
@@ -21,7 +22,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "path",
         metavar="FOLDER",
-        help="folder of a run, a sweep, an ablation or a tuning, as in runs/<graph>/latest",
+        help="folder of a run, sweep, ablation, tuning or contest, as in runs/<graph>/latest",
     )
     parser.add_argument(
         "-o", "--out", metavar="FILE", help="file to write (report.html in FOLDER); - is stdout"

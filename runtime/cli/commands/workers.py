@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.arguments import add_output, at_least, integer, show_folder
+from runtime.arguments import Once, add_output, at_least, integer, show_folder
+from runtime.arguments import seconds as clock
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, tell
@@ -58,6 +59,13 @@ def add_experiment(
     seconds = at_least(0.0, above=True)
     parser.add_argument(
         "--timeout", type=seconds, metavar="S", help="time limit of a trial, seconds"
+    )
+    parser.add_argument(
+        "--checkpoint",
+        action=Once,
+        type=clock,
+        metavar="TIME",
+        help="store the state of each running trial, as every 60s: --resume goes on from there",
     )
     parser.add_argument(
         "--scheduler",
@@ -117,11 +125,12 @@ def run_options(options: Namespace, name: str) -> RunOptions:
 
     return RunOptions(
         Path(options.out) / name,
-        pool_factory(options.jobs, options.scheduler, options.timeout),
+        pool_factory(options.jobs, options.scheduler, options.timeout, options.checkpoint),
         options.resume,
         getattr(options, "keep", "none"),
         options.timeout,
         ON_COMMAND_LINE,
+        options.checkpoint,
     )
 
 

@@ -31,10 +31,12 @@ from runtime.experiments.analysis.statistics import (
 )
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 from runtime.experiments.analysis.words import (
+    EQUAL,
     NEGLIGIBLE,
     NEVER,
     SAME,
     SAME_RUNS,
+    TOO_FEW,
     apart,
     interval,
     mean_of,
@@ -45,6 +47,7 @@ __all__ = [
     "ANY",
     "CONFIDENCE",
     "CORRECTION",
+    "EQUAL",
     "LEVEL",
     "NEGLIGIBLE",
     "NEVER",
@@ -52,6 +55,7 @@ __all__ = [
     "SAME",
     "SAME_RUNS",
     "TESTS",
+    "TOO_FEW",
     "ComparisonLine",
     "Estimate",
     "PairedDifference",

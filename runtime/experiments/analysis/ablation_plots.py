@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -134,22 +134,43 @@ def overall(facts: dict[str, Any]) -> list[dict[str, Any]]:
 def _metrics(
     figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], shape: tuple[int, int]
 ) -> None:
-    """One axes per metric, all with the variants at the same heights."""
+    """One axes per metric, with a dot for each seed."""
     names = [variant["name"] for variant in facts["variants"]]
-    metrics = facts["metrics"]
-    values: dict[str, list[Row]] = {name: [] for name in names}
+    rows: dict[str, list[Row]] = {name: [] for name in names}
     factors = (VARIANT, *facts.get("factors", ()))
-    for row in read_rows(folder / INDEX, Columns(factors, tuple(metrics))):
-        values[row.cells[0]].append(row)
+    for row in read_rows(folder / INDEX, Columns(factors, tuple(facts["metrics"]))):
+        rows[row.cells[0]].append(row)
+    dots = {
+        metric: [[row.metrics[i] for row in rows[name]] for name in names]
+        for i, metric in enumerate(facts["metrics"])
+    }
+    draw_intervals(figure, facts, overall(facts), names, dots, shape)
+
+
+def draw_intervals(
+    figure: Figure | SubFigure,
+    facts: dict[str, Any],
+    table: Sequence[dict[str, Any]],
+    names: Sequence[str],
+    dots: Mapping[str, Sequence[Sequence[float | None]]],
+    shape: tuple[int, int],
+) -> None:
+    """One axes per metric, all with the variants (or contestants) at the same heights.
+
+    Parameters
+    ----------
+    facts : with the ``units`` of the metrics, and what infinite values mean (``never``).
+    table : a line for each metric and name, in their order.
+    dots : of each metric, for each name the values below its interval.
+    shape : rows and columns of axes.
+    """
     grid = figure.subplots(*shape, squeeze=False, sharey=True)
-    for i, axes in enumerate(grid.flat):
-        if i >= len(metrics):
-            axes.set_visible(False)
-            continue
-        axes.set_title(with_unit(metrics[i], facts.get("units") or {}))
-        lines = [line for line in overall(facts) if line["metric"] == metrics[i]]
-        own = [[row.metrics[i] for row in values[name]] for name in names]
-        _metric(axes, lines, own, (facts.get("never") or {}).get(metrics[i], NEVER))
+    for unused in grid.flat[len(dots) :]:
+        unused.set_visible(False)
+    for axes, (metric, values) in zip(grid.flat, dots.items(), strict=False):
+        axes.set_title(with_unit(metric, facts.get("units") or {}))
+        lines = [line for line in table if line["metric"] == metric]
+        _metric(axes, lines, values, (facts.get("never") or {}).get(metric, NEVER))
     grid[0][0].set_yticks(range(len(names)), names)
     grid[0][0].set_ylim(len(names) - 0.5, -0.5)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from weakref import finalize
 
 import numpy as np
 
@@ -20,6 +21,28 @@ from runtime.experiments.design.factors import Factor
 from runtime.experiments.design.sampling import Design
 from runtime.graph import Graph
 
+# Changed graphs in which nothing is wrong, by the id of the baseline: an editor asks again at each
+# keystroke in the experiment's file, and each answer is a check of a whole graph. Graphs are
+# compared by content and have no hash, so the id stands for a baseline as long as it exists.
+_right: dict[int, dict[str, Node]] = {}
+
+
+def check_change(baseline: Graph, name: str, changed: Graph) -> None:
+    """Check a changed copy of a graph, once as long as both are the same.
+
+    Raises
+    ------
+    GraphError, MissingExtraError : as :meth:`Graph.check`.
+    """
+    if id(baseline) not in _right:
+        _right[id(baseline)] = {}
+        finalize(baseline, _right.pop, id(baseline), None)
+    right = _right[id(baseline)]
+    if right.get(name) != changed.document:
+        changed.check()
+        if not changed.texts:  # a file that it names may change while the graph does not
+            right[name] = changed.document
+
 
 def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems) -> None:
     """Test a factor's values on a graph that has been checked itself."""
@@ -28,14 +51,18 @@ def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems)
         return
     for value in factor.test_values():
         try:
-            graph.set(factor.path, value, origin=str(where)).check()
+            changed = graph.set(factor.path, value, origin=_ORIGIN)
+            check_change(graph, f"vary {factor.path}={value!r}", changed)
         except GraphError as error:
             # a location that is only a string would not sort among the file's other locations.
             problems.items += [
-                replace(problem, where=where) if problem.where.file == str(where) else problem
+                replace(problem, where=where) if problem.where.file == _ORIGIN else problem
                 for problem in error.problems
             ]
             return
+
+
+_ORIGIN = "a factor"  # not the position, which moves as the file is edited
 
 
 def own_value(graph: Graph, path: str) -> object:

@@ -91,7 +91,7 @@ class Entries:
         replaced = {factor.path for factor in other.factors}
         merged: dict[str, Any] = {
             "factors": (*(f for f in self.factors if f.path not in replaced), *other.factors),
-            "constraints": self.constraints + other.constraints,
+            "constraints": tuple(dict.fromkeys(self.constraints + other.constraints)),
             # The seeds of a command are those of training, whatever the file says of either.
             "training": (
                 other.training[0] or other.seeds or self.training[0],

@@ -34,6 +34,7 @@ from runtime.errors import (
     UsageError,
     Where,
 )
+from runtime.experiments.design.checks import check_change
 from runtime.experiments.design.entries import (
     QUESTION_KEYS,
     SWEEP_KEYS,
@@ -186,7 +187,7 @@ def check_experiment(
     for variant in experiment.variants:
         written = (document.get("variants") or document).get(variant.name) or document
         try:
-            variant.graph.check()
+            check_change(experiment.graph, f"variant {variant.name}", variant.graph)
         except GraphError as error:
             for problem in error.problems:
                 where = _position(problem.where, written.key)

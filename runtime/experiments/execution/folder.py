@@ -29,14 +29,16 @@ from runtime.experiments.execution.plan import (
     VARIANTS,
     ExperimentPlan,
 )
-from runtime.experiments.execution.trials import GraphBundle
+from runtime.experiments.execution.trials import GraphBundle, Trial
+from runtime.experiments.execution.worker import Task
 from runtime.experiments.execution.worker_pool import WorkerPool
-from runtime.files import check_form, system_errors, write_whole
+from runtime.files import check_form, remove_tree, system_errors, write_whole
 from runtime.runs import DIAGRAM
 
 READ_VERSIONS = (1, SCHEMA_VERSION)
 PLAN, SUMMARY = "plan.yaml", "summary.json"
 TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
+CHECKPOINTS = "checkpoints"  # of trials that have not ended
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class RunOptions:
     keep : which trials of a sweep leave a run folder.
     timeout : time limit of a trial in seconds.
     option : how an option is written in messages, ``--{}`` on a command line.
+    checkpoint : the time between two checkpoints of a trial (s of the clock); None for none.
     """
 
     folder: Path
@@ -59,6 +62,17 @@ class RunOptions:
     keep: str = "none"
     timeout: float | None = None
     option: str = "{}"
+    checkpoint: float | None = None
+
+    def task(self, trial: Trial, **how: Any) -> Task:
+        """How to run a trial; ``how`` as for :class:`Task`."""
+        every = self.checkpoint
+        checkpoints = None if every is None else (self.folder.resolve() / CHECKPOINTS, every)
+        return Task(trial, timeout=self.timeout, checkpoints=checkpoints, **how)
+
+    def finish(self) -> None:
+        """Remove what trials that were killed have left; all have ended."""
+        remove_tree(self.folder / CHECKPOINTS)
 
 
 def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
@@ -70,6 +84,11 @@ def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
         read or written.
     """
     folder, option = options.folder, options.option
+    if options.checkpoint is not None and plan.graph.network.keep is not None:
+        raise UsageError(
+            f"run.keep: trials with {option.format('checkpoint')} have all of their recordings on "
+            "disk, from which they go on; leave out one of the two"
+        )
     if not folder.exists():
         _create(plan, folder)
         return

@@ -21,6 +21,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.design import Objective
+from runtime.experiments.execution.folder import RunOptions
 from runtime.experiments.execution.index import Row
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Task, TrialResult
@@ -40,22 +41,19 @@ class RetentionPolicy:
 
     Parameters
     ----------
-    folder : of the sweep.
-    policy : ``none``, ``all``, ``failed`` or ``best:N``.
+    options : of the sweep, with the policy: ``none``, ``all``, ``failed`` or ``best:N``.
     objective : what 'best' means, with the metric's column in the index.
-    timeout : time limit of a trial in seconds.
     signals : that every trial records for figures.
     """
 
-    folder: Path
-    policy: str
+    options: RunOptions
     objective: Objective | None
     column: int | None
-    timeout: float | None
     signals: tuple[str, ...] = ()
     _heap: list[tuple[float, int]] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
+        self.folder, self.policy = self.options.folder, self.options.keep
         best = _BEST.fullmatch(self.policy)
         if self.policy not in ("none", "all", "failed") and best is None:
             raise UsageError(f"--keep {self.policy}: expected all, failed, best:N or none")
@@ -78,13 +76,13 @@ class RetentionPolicy:
     def task(self, trial: Trial) -> Task:
         """How to run a trial."""
         if self.policy == "none":
-            return Task(trial, timeout=self.timeout, signals=self.signals)
+            return self.options.task(trial, signals=self.signals)
         keep = {"all": ("ok", *NOT_OK), "failed": NOT_OK}.get(self.policy, ("ok",))
         # A worker sends a recording only if it is among the best so far: it may be gigabytes.
         beat = None
         if self.objective is not None and self.most and len(self._heap) == self.most:
             beat = (self.objective, -self._heap[0][0])
-        return Task(trial, "all", keep, beat, self.timeout, self.signals)
+        return self.options.task(trial, record="all", keep=keep, beat=beat, signals=self.signals)
 
     def save(self, trial: Trial, done: TrialResult) -> None:
         """Write a trial's folder, before its row; a folder left by an interruption is replaced."""

@@ -86,6 +86,13 @@ class Trial:
     configuration: Configuration
     seed: int
 
+    @property
+    def digest(self) -> str:
+        """A hash of all that its numbers depend on."""
+        edits = self.configuration.edits
+        content = json.dumps([self.configuration.bundle.digest, edits, self.seed])
+        return hashlib.sha256(content.encode()).hexdigest()
+
 
 def trials_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator[Trial]:
     """Every configuration with every seed, one configuration after the other."""

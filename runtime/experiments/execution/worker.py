@@ -56,6 +56,8 @@ class Task:
     beat : of trials that are ok, send only those whose objective is better than this.
     timeout : time limit in seconds; None for no limit.
     signals : what figures show over time, which is recorded as well.
+    checkpoints : the folder of those of all trials, and the time between two (s of the clock); a
+        trial whose process was killed goes on from its last one. None for none.
     """
 
     trial: Trial
@@ -64,6 +66,7 @@ class Task:
     beat: tuple[Objective, float] | None = None
     timeout: float | None = None
     signals: tuple[str, ...] = ()
+    checkpoints: tuple[Path, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -141,7 +144,12 @@ def _ended(
     try:
         runs = _taken(task)
         values, seed = _values_of(task.trial.configuration.edits), task.trial.seed
-        result = runs.run(values, seed, deadline, whole=bool(task.keep))
+        if task.checkpoints is None:
+            result = runs.run(values, seed, deadline, whole=bool(task.keep))
+        else:
+            folder, every = task.checkpoints
+            own = folder / task.trial.digest[:32], every
+            result = runs.run_with_checkpoints(values, seed, own, deadline, bool(task.keep))
     except GraphError as error:
         return "invalid", str(error), None, runs
     except SimulationError as error:

@@ -59,9 +59,22 @@ def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
 
 
 def pool_factory(
-    jobs: int | None, scheduler: str | None, timeout: float | None
+    jobs: int | None,
+    scheduler: str | None,
+    timeout: float | None,
+    checkpoint: float | None = None,
 ) -> Callable[[], WorkerPool]:
-    """A function that makes a pool: a cluster's, or of processes, one per processor by default."""
+    """A function that makes a pool: a cluster's, or of processes, one per processor by default.
+
+    Raises
+    ------
+    UsageError : a cluster shall write checkpoints, which are in a folder of this machine.
+    """
+    if scheduler is not None and checkpoint is not None:
+        raise UsageError(
+            "checkpoints of trials are files of this machine, which the workers of a cluster need "
+            "not see; leave out 'checkpoint' or 'scheduler'"
+        )
     if scheduler is not None:
         return lambda: cluster_pool(scheduler)
     workers = jobs or processors()

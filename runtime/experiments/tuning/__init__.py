@@ -1,6 +1,12 @@
 """Tuning: values of factors that are found by an optimiser, and judged by held-out runs."""
 
-from runtime.experiments.tuning.contest import ContestResult, contest_plans, run_contest
+from runtime.experiments.tuning.contest import (
+    CONTEST,
+    ContestResult,
+    agreement,
+    contest_plans,
+    run_contest,
+)
 from runtime.experiments.tuning.judging import Judgement
 from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
 from runtime.experiments.tuning.plan import TUNING, tuning_plan
@@ -9,12 +15,14 @@ from runtime.experiments.tuning.scores import Candidate
 from runtime.experiments.tuning.writing import check_writable, write_values
 
 __all__ = [
+    "CONTEST",
     "NOTHING",
     "TUNING",
     "Candidate",
     "ContestResult",
     "Judgement",
     "TuningResult",
+    "agreement",
     "check_writable",
     "contest_plans",
     "judgements",

@@ -14,6 +14,7 @@ contestant, tuned as well as it happened to be: conditions are paired over the m
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -82,13 +83,6 @@ class ContestResult:
         failed = sum(value is not None and math.isinf(value) for value in means)
         return Sample(means, failed, all(same for _, same in tunings) and len(tunings) == 1)
 
-    def scores(self, name: str, metric: str) -> list[float]:
-        """The metric of each tuning over the held-out runs; NaN where it has no value."""
-        return [
-            math.nan if (score := entered(each).score) is None else score.metrics[metric]
-            for each in self.tunings[name]
-        ]
-
     def to_dict(self) -> dict[str, Any]:
         """What contest.json holds."""
         plan, tuning = self.plan, self.plan.tuning
@@ -96,9 +90,14 @@ class ContestResult:
             **plan.header(self.folder),
             "kind": "contest",
             "experiment": self.name,
+            "metrics": list(tuning.metrics),
+            **{o.goal: o.metric for o in tuning.objectives[:1]},
+            "constraints": list(map(str, tuning.constraints)),
             "budget": tuning.budget,
             "trials": tuning.trials,
+            "training": _runs(tuning.training),
             "held_out": _runs(tuning.held_out),
+            "paired_by": self._unit,
             "contestants": {
                 name: [_tuning_data(each) for each in tunings]
                 for name, tunings in self.tunings.items()
@@ -120,12 +119,16 @@ class ContestResult:
         if len(self.tunings) > 1:
             lines += ["", comparison_table(self.lines, plan.units, plan.never), ""]
             lines += [legend(self.lines).replace("the baseline on the same seed", self._paired)]
-        return "\n".join([*lines, *self._agreement()])
+        return "\n".join([*lines, *agreement(self.to_dict())])
+
+    @property
+    def _unit(self) -> str:
+        """What the differences are paired by."""
+        return "condition" if len(self.plan.tuning.held_out.conditions) > 1 else "seed"
 
     @property
     def _paired(self) -> str:
-        unit = "condition" if len(self.plan.tuning.held_out.conditions) > 1 else "seed"
-        return f"{next(iter(self.tunings))}, or to the one named, on the same {unit}"
+        return f"{next(iter(self.tunings))}, or to the one named, on the same {self._unit}"
 
     def _row(self, tuning: TuningResult) -> list[str]:
         one, plan = entered(tuning), tuning.plan
@@ -135,17 +138,24 @@ class ContestResult:
         tried = len(tuning.candidates) - 1
         return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
 
-    def _agreement(self) -> Iterator[str]:
-        """By how much the tunings of each contestant differ; nothing if there is one of each."""
-        metric = self.plan.tuning.metrics[0]
-        for name in self.tunings:
-            scores = self.scores(name, metric)
-            if len(scores) > 1:
-                best, worst = min(scores), max(scores)
-                is_ratio = best > 0.0 and worst < math.inf
-                ratio = f", a ratio of {worst / best:.3g}" if is_ratio else ""
-                ends = f"{number(best)} to {number(worst)}"
-                yield f"{name}: {metric} of {len(scores)} tunings from {ends}{ratio}"
+
+def agreement(facts: Mapping[str, Any]) -> Iterator[str]:
+    """By how much the tunings of each contestant differ; nothing if there is one of each.
+
+    Parameters
+    ----------
+    facts : what contest.json holds.
+    """
+    metric = facts["metrics"][0]
+    for name, tunings in facts["contestants"].items():
+        scores = [each["metrics"].get(metric) for each in tunings]
+        scores = [math.nan if score is None else score for score in scores]
+        if len(scores) > 1 and any(each["values"] for each in tunings):
+            best, worst = min(scores), max(scores)
+            is_ratio = best > 0.0 and worst < math.inf
+            ratio = f", a ratio of {worst / best:.3g}" if is_ratio else ""
+            ends = f"{number(best)} to {number(worst)}"
+            yield f"{name}: {metric} of {len(scores)} tunings from {ends}{ratio}"
 
 
 def entered(tuning: TuningResult) -> Candidate:
@@ -224,11 +234,17 @@ def _runs(runs: RunSet) -> str:
 def _tuning_data(tuning: TuningResult) -> dict[str, Any]:
     one = entered(tuning)
     paths = tuning.plan.paths
+    status = Counter(each.status for each in tuning.candidates[1:])
+    rows = [row for each in (*tuning.candidates, one) for row in each.rows.values()]
+    reasons = Counter(row.reason for row in rows if row.status != "ok")
     return {
         "folder": tuning.folder.name,
         "sampling_seed": tuning.plan.tuning.seed,
         "trials": len(tuning.candidates) - 1,
         "runs": tuning.runs,
+        "stopped": status["stopped"],
+        "without_value": status["no value"],
+        "reasons": [{"reason": r, "count": n} for r, n in reasons.most_common(5)],
         "values": None if one.values is None else dict(zip(paths, one.values, strict=True)),
         "metrics": {} if one.score is None else dict(one.score.metrics),
     }

@@ -22,7 +22,6 @@ from runtime.experiments.execution import (
     Index,
     Row,
     RunOptions,
-    Task,
     Trial,
     WorkerPool,
     check_row,
@@ -116,6 +115,7 @@ def run_tuning(
             if result.winners or always_judge:
                 _judge(plan, runner, held_out_index, result)
             runner.finished = True
+            options.finish()
         except KeyboardInterrupt:
             result.is_interrupted = True
     result.wall_s = time.perf_counter() - began
@@ -161,15 +161,12 @@ class _Runner:
             if self.pool is None:
                 self.pool = self.options.make_pool()
                 self.progress.resume(self.done)
-            for trial, done in run_trials(iter(missing), self.pool, self._task):
+            for trial, done in run_trials(iter(missing), self.pool, self.options.task):
                 row = Row.of(trial, done, self.plan.metrics)
                 index.append(row)
                 rows[trial.number] = row
         self.done += len(trials)
         return [rows[trial.number] for trial in trials]
-
-    def _task(self, trial: Trial) -> Task:
-        return Task(trial, timeout=self.options.timeout)
 
     def close(self) -> None:
         self.progress.close()

@@ -213,6 +213,17 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Ensemble(dimensions=8, groups=2, neuron="LIFRate", neurons=9), dt=0.001),
         Case(blocks.Ensemble(dimensions=1, neuron="Izhikevich", max_rates=30), dt=0.001),
     ],
+    "FeedthroughEnsemble": [
+        Case(
+            blocks.FeedthroughEnsemble(neurons=9, neuron=neuron, **more), free=("drive",), dt=0.001
+        )
+        for neuron, more in (
+            ("LIF", {"dimensions": 4, "groups": 2}),
+            ({"type": "ReLU", "spikes": "regular", "amplitude": 0.5}, {"dimensions": 1}),
+            ("AdaptiveLIF", {"dimensions": 1, "noise": 0.1, "noise_synapse": 0.01}),
+            ("Izhikevich", {"dimensions": 1, "max_rates": 30}),
+        )
+    ],
     "Decoder": [
         Case(blocks.Decoder(weights=WEIGHTS, synapse=synapse), dt=0.001)
         for synapse in (0.01, "alpha(0.1)")

@@ -15,6 +15,7 @@ from runtime.errors import GraphError, SimulationError
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, run_task
 from runtime.graph import RepeatedRuns
+from runtime.graph.numbers import is_number
 from tests.compilers import skip_without_compiler
 
 GRAPHS = Path(runtime.__file__).parents[1] / "graphs"
@@ -138,7 +139,7 @@ def numbers_of(graph: runtime.Graph) -> list[tuple[str, Any]]:
                 continue
             if isinstance(entry, dict):
                 walk(f"{prefix}{name}.", entry)
-            elif runtime.network.is_number(entry) and entry not in ([], [[]]):
+            elif is_number(entry) and entry not in ([], [[]]):
                 found.append((f"{prefix}{name}", entry))
 
     walk("", {k: v for k, v in graph.to_dict()["blocks"].items() if isinstance(v, dict)})

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import GraphError
-from runtime.graph import load
+from runtime.graph import Graph, load
 from runtime.language import Diagnostic, Model, Surroundings, diagnose
 from tests.runtime.language.texts import CASE_C, GRAPHS, SURROUNDINGS, chain, edited
 
@@ -113,6 +113,46 @@ def test_experiments_parts_and_worlds_are_checked() -> None:
         found = diagnose(model)
         assert found, (path, new)
         assert message in found[0].message
+
+
+def test_an_edit_of_an_experiment_checks_the_graphs_that_it_touches(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was right is not checked again, and every text has the problems that it has alone."""
+    graph = tmp_path / "g.yaml"
+    graph.write_text(
+        "run: {dt: 0.1, until: 1.0}\n"
+        "blocks: {a: {type: Constant, value: 1.0}, b: {type: Gain, gain: 2.0}}\n"
+        "wires: {b: {input: a.value}}\n"
+    )
+    text = (
+        "experiment: e\ngraph: g.yaml\nvary: {b.gain: [1.0, 2.0], a.value: 0.1..0.9:3}\n"
+        "variants:\n  more: {set: {b.gain: 3.0}}\n  other: {set: {a.value: 3.0}}\n"
+    )
+    shared, checks = Surroundings(), []
+    check = Graph.check
+    monkeypatch.setattr(Graph, "check", lambda graph: checks.append(graph) or check(graph))
+
+    def problems(text: str, surroundings: Surroundings) -> list[str]:
+        return [str(each) for each in diagnose(Model(text, tmp_path / "e.yaml", surroundings))]
+
+    counts = []
+    for edited_text, wrong in [
+        (text, 0),
+        (text + "# a comment\n", 0),
+        (text.replace("[1.0, 2.0]", "[1.0, 7.0]"), 0),
+        (text.replace("[1.0, 2.0]", "[1.0, '7']"), 1),
+        (text.replace("more: {set: {b.gain", "more: {set: {b.gian"), 1),
+        (text.replace("\nvary", "\n\nvary"), 0),
+    ]:
+        checks.clear()
+        found = problems(edited_text, shared)
+        counts.append(len(checks))
+        assert found == problems(edited_text, Surroundings())
+        assert len(found) == wrong
+    assert counts[:3] == [8, 1, 2]  # the baseline, its 5 values, 2 variants; the baseline; a value
+    graph.write_text(graph.read_text().replace("gain: 2.0", "gian: 2.0"))
+    assert problems(text, shared) == problems(text, Surroundings()) != []
 
 
 def test_two_thousand_blocks(tmp_path: Path) -> None:

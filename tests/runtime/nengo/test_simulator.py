@@ -193,3 +193,49 @@ def test_a_solver_of_weights_is_left_aside_without_neurons() -> None:
         nengo.Connection(a[[1, 0]], b[::2], solver=solver)
         nengo.Probe(b, synapse=0.01)
     equal(network)
+
+
+@pytest.mark.parametrize("synapse", [None, 0.005], ids=str)
+@pytest.mark.parametrize("rule", [None, nengo.PES(1e-3), nengo.RLS(1e-3)], ids=str)
+@pytest.mark.parametrize("full", [False, True], ids=["decoders", "weights"])
+def test_what_a_connection_brings_and_learns_is_nengos(synapse: Any, rule: Any, full: bool) -> None:
+    if full and isinstance(rule, nengo.RLS):
+        pytest.skip("Nengo's RLS learns decoders")
+    with nengo.Network(seed=1) as network:
+        stimulus = nengo.Node(lambda t: np.sin(8 * t))
+        a, b, error = nengo.Ensemble(12, 1), nengo.Ensemble(9, 1), nengo.Node(size_in=1)
+        nengo.Probe(nengo.Connection(stimulus, a, synapse=synapse))
+        solver = nengo.solvers.LstsqL2(weights=full)
+        made = nengo.Connection(a, b, synapse=synapse, learning_rule_type=rule, solver=solver)
+        nengo.Probe(made)
+        nengo.Probe(made, synapse=0.02)
+        for each in (a, b, b.neurons, error):
+            nengo.Probe(each)
+        if rule is not None:
+            nengo.Connection(stimulus, error, transform=-1, synapse=None)
+            nengo.Connection(b, error, synapse=0.01)
+            nengo.Connection(error, made.learning_rule, synapse=None)
+            nengo.Probe(made, "weights")
+            nengo.Probe(made.learning_rule, "activities" if "PES" in str(rule) else "inv_gamma")
+    equal(network, tolerance=1e-9)
+
+
+@pytest.mark.parametrize(
+    "kind", [nengo.LIF(), nengo.RegularSpiking(nengo.Tanh()), nengo.Izhikevich()]
+)
+def test_a_chain_without_synapses_is_one_step_as_in_nengo(kind: Any) -> None:
+    with nengo.Network(seed=1) as network:
+        stimulus = nengo.Node(lambda t: [np.sin(8 * t), 0.3])
+        a = nengo.Ensemble(10, 2, neuron_type=kind)
+        array = nengo.networks.EnsembleArray(8, 2, neuron_type=kind)
+        node = nengo.Node(lambda t, x: x**2, size_in=2)
+        last = nengo.Ensemble(9, 2)
+        nengo.Connection(stimulus, a, synapse=None)
+        nengo.Connection(a, array.input, synapse=None, function=lambda x: [x[1], x[0] * x[1]])
+        nengo.Connection(array.output, node, synapse=None)
+        nengo.Connection(node, last, synapse=None)
+        nengo.Connection(a.neurons[:4], last.neurons[:4], synapse=None, transform=1e-3)
+        nengo.Connection(last, a, synapse=0.01)
+        for each in (array.output, node, last.neurons, last):
+            nengo.Probe(each)
+    equal(network)

@@ -38,6 +38,20 @@ metrics:
   total: {kind: final, of: sum.out}
   above_two: {kind: first_time, of: draw.out, level: 2.0}
 """
+CONTEST = """
+experiment: gains
+graph: draw.yaml
+minimize: total
+constraints: {drawn: {above: -100}}
+trials: 3
+repeats: 2
+training: {seeds: 0..1}
+held_out: {seeds: 10..15, conditions: {a: {}}}
+contestants:
+  gain: {vary: {half.gain: 0.4..1.9}}
+  alone: {without: half}
+  <b>fails</b>: {set: {draw.how: raise}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +76,9 @@ def folders(run_in: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
         goals = ("--minimize", "drawn", "--maximize", "total", "--held-out", "10..12")
         run("tune", "draw.yaml", *seeds, "--vary", "draw.level=0..5", *goals, "--trials", "6")
         found["tuning"] = root / "tunings" / "draw"
+        (root / "gains.yaml").write_text(CONTEST)
+        run("contest", "gains.yaml")
+        found["contest"] = root / "contests" / "gains"
     return {**found, "ablation": root / "ablations" / "draw"}
 
 
@@ -318,3 +335,53 @@ def test_a_tuning_without_results_and_a_damaged_one(
     (folder / "tuning.json").unlink()
     with pytest.raises(UsageError, match="has no results yet; 'runtime tune' with --resume"):
         report(folder)
+
+
+@pytest.mark.skipif(not find_spec("optuna"), reason="needs pip install -e '.[tune]'")
+def test_the_tables_of_a_contest_agree_with_its_results(
+    folders: dict[str, Path], pages: dict[str, Path]
+) -> None:
+    stored = json.loads((folders["contest"] / "contest.json").read_text())
+    html = pages["contest"].read_text()
+    assert stored["constraints"] == ["drawn above -100"]  # once, though each contestant has it
+    assert " with drawn above -100, on seeds 0..1" in html
+    shown = [row for row in rows(html, "differences") if len(row) > 1]
+    assert len(shown) == len(stored["table"]) == 8
+    for row, line in zip(shown, stored["table"], strict=True):
+        reference = line["reference"]
+        assert row[0] == f"{line['variant']} - {reference}" if reference else line["variant"]
+        if line["n"]:
+            assert _number(row[2]) == pytest.approx(line["mean"], rel=1e-3)
+        assert row[-1] == (line["difference"]["verdict"] if reference else "")
+    tuned = rows(html, "tuned values")
+    assert [row[0] for row in tuned] == ["gain", "gain", "alone", "alone", *["<b>fails</b>"] * 2]
+    own = [each for tunings in stored["contestants"].values() for each in tunings]
+    assert [int(row[4]) for row in tuned] == [each["runs"] for each in own]
+    assert tuned[-1][-1] == "its own"
+    failures = rows(html, "failures")
+    assert {row[0] for row in failures} == {"<b>fails</b>"}
+    assert all(int(row[2]) == 2 + 6 for row in failures)  # of each tuning: training, held out
+    scores = [each["metrics"]["total"] for each in stored["contestants"]["gain"]]
+    found = [e.text for e in elements(html) if e.tag == "li"]
+    expected = f"gain: total of 2 tunings from {min(scores):.4g} to {max(scores):.4g}"
+    assert len(found) == 1 and found[0].startswith(expected)
+    figure = [e for e in elements(html) if e.inside("figure", id="figure-1")]
+    words = {e.text.strip() for e in figure if e.tag == "text"}
+    assert {"gain", "alone", "never, 0 of 6 ▸"} <= words
+    assert find(html, "figcaption")[0].text.startswith("Metrics by contestant")
+
+
+@pytest.mark.skipif(not find_spec("optuna"), reason="needs pip install -e '.[tune]'")
+def test_a_contest_that_was_changed_later_is_refused(
+    folders: dict[str, Path], tmp_path: Path
+) -> None:
+    path = tmp_path / "contest.json"
+    text = (folders["contest"] / "contest.json").read_text()
+    path.write_text(text.replace('"trials": 3', '"trials": 30'))
+    with pytest.raises(UsageError, match=r"was changed after it was written; 'runtime contest'"):
+        report(path)
+    path.write_text("{}")
+    with pytest.raises(UsageError, match=r"contest.json' is damaged: experiment is missing"):
+        report(tmp_path)
+    with pytest.raises(UsageError, match="did you mean"):
+        report(folders["contest"].parent)

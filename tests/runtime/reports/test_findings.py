@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
 import runtime
 from runtime.reports import pieces
-from runtime.reports.findings import of_ablation, of_run, of_sweep, of_tuning
+from runtime.reports.findings import of_ablation, of_contest, of_run, of_sweep, of_tuning
 
 
 @pytest.mark.parametrize(
@@ -87,3 +88,38 @@ def test_a_sweep_and_a_tuning_say_their_best() -> None:
         "values (not significant, p = 0.2)."
     )
     assert of_tuning({**stored, "front": []}) == ""
+
+
+def test_a_contest_says_who_is_best_and_how_surely() -> None:
+    def line(name: str, reference: str | None, mean: float, p: float, **more: Any) -> Any:
+        apart = None if reference is None else {"p_adjusted": p, "verdict": "no", **more}
+        n = 0 if math.isnan(mean) else 6
+        return {
+            **{"variant": name, "reference": reference, "metric": "total", "mean": mean},
+            **{"n": n, "runs": 6, "difference": apart},
+        }
+
+    stored = {
+        **{"metrics": ["total"], "units": {"total": "m"}, "paired_by": "condition"},
+        "minimize": "total",
+        "table": [
+            line("a", None, 0.3, math.nan),
+            line("b", "a", 0.2, 0.2),
+            line("c", "a", math.nan, 0.03, verdict="yes"),
+            line("c", "b", math.nan, 0.04, verdict="yes"),
+        ],
+    }
+    assert of_contest(stored) == (
+        "Smallest total over 6 held-out conditions: b, 0.2 m, instead of a, 0.3 m (not "
+        "significant, p = 0.2); c, no value (p = 0.04)."
+    )
+    # What has no value is never the best, also where large is good.
+    del stored["minimize"]
+    assert of_contest({**stored, "maximize": "total"}).startswith("Largest total over 6 held-out")
+    few = {
+        **stored,
+        "table": [stored["table"][0], line("b", "a", 0.2, 0.5, verdict="too few seeds")],
+    }
+    assert of_contest({**few, "maximize": "total"}).endswith(
+        "a, 0.3 m, instead of b, 0.2 m (too few conditions)."
+    )

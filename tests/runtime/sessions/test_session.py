@@ -345,11 +345,11 @@ def test_a_saved_session_is_replayed_by_the_command_line(cli: Run, tmp_path: Pat
     assert (
         done.stdout == "servo: 40 ticks, 1 change\nall recordings have the bits that were saved\n"
     )
-    log = tmp_path / "a" / "session.json"
+    log = tmp_path / "a" / "log.jsonl"
     log.write_text(log.read_text().replace("1.0", "1.5"))
     done = cli("replay", "a", "--json")
     assert done.returncode == 1 and '"push"' in done.stdout
-    log.write_text(log.read_text().replace('"write"', '"rite"'))
+    log.write_text('{"tick": 20, "call": "rite", "arguments": ["push", 1.0]}\n')
     done = cli("replay", "a")
     assert (
         done.returncode == 2

@@ -20,8 +20,9 @@ that counts is worse. Who fails more than the other is neither better than it no
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -33,7 +34,6 @@ from tests.studies.comparison import plan, rows
 LEVEL = 0.05
 COVERAGE = rows.ROWS / "coverage.csv"
 SEEDS = 2
-FEWEST = 3  # tunings; of fewer, their scatter is unknown
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,16 @@ class Cells:
     failed: int = 0
 
 
-def contrast(a: FloatArray, b: FloatArray, margin: float, confidence: float = 0.95) -> Contrast:
-    """The mean of a - b, both of tunings x conditions x seeds, in logarithms."""
+def contrast(
+    a: FloatArray, b: FloatArray, margin: float, confidence: float = 0.95, of_these: bool = False
+) -> Contrast:
+    """The mean of a - b, both of tunings x conditions x seeds, in logarithms.
+
+    With ``of_these`` the tunings are not a sample: the interval is about these controllers.
+    """
     mean = float(a.mean() - b.mean())
     by_place = a.mean(axis=0) - b.mean(axis=0)  # conditions x seeds, paired
-    parts = [(_spread(one.mean(axis=(1, 2))), len(one) - 1) for one in (a, b)]
+    parts = [(_spread(one.mean(axis=(1, 2))), len(one) - 1) for one in (a, b) if not of_these]
     parts += [(_spread(by_place.mean(axis=1)), len(by_place) - 1)]
     parts += [(_spread(by_place.mean(axis=0)), by_place.shape[1] - 1)]
     variance = sum(v for v, _ in parts)
@@ -97,8 +102,8 @@ def cells(task: str, metric: str, group: str) -> dict[str, Cells]:
     found = {}
     for name, runs in rows.held_out(task, metric).items():
         chosen = {place: e for place, e in runs.items() if plan.group_of(place[1]) == group}
-        axes = [sorted({place[i] for place in chosen}) for i in range(3)]
-        if len(axes[0]) < FEWEST:
+        axes: list[list[Any]] = [sorted({place[i] for place in chosen}) for i in range(3)]
+        if len(axes[0]) < plan.fewest(task, name):
             continue
         bad = [e is None or not e < limit for e in chosen.values()]
         capped = [
@@ -145,6 +150,7 @@ def answers(question: dict[str, object]) -> list[Answer]:
 
 def _answers(question: dict[str, object]) -> Iterator[Answer]:
     done, where = rows.tasks(), question["where"]
+    of_these = question.get("of_these") is True
     for task, groups in where.items() if isinstance(where, dict) else ():
         for group in groups if task in done else ():
             for metric in _names(question["measures"]):
@@ -153,7 +159,7 @@ def _answers(question: dict[str, object]) -> Iterator[Answer]:
                     for other in _names(question["against"]):
                         if one in found and other in found:
                             a, b = found[one], found[other]
-                            result = contrast(a.values, b.values, plan.margin())
+                            result = contrast(a.values, b.values, plan.margin(), of_these=of_these)
                             result = replace(result, failed=(a.failed, b.failed))
                             yield Answer(task, group, metric, one, other, result)
 
@@ -179,12 +185,14 @@ def bootstrap(
     return float(low), float(high)
 
 
+Spread = Mapping[str, float]
+
+
 def simulated(
-    rng: np.random.Generator, shape: tuple[int, int, int], apart: float = 0.0
+    rng: np.random.Generator, shape: tuple[int, int, int], apart: float, spread: Spread
 ) -> tuple[FloatArray, FloatArray]:
-    """Two contestants whose difference varies as the plan's ``power`` entry says."""
+    """Two contestants with these standard deviations, as in the plan's ``power`` entry."""
     tunings, conditions, seeds = shape
-    spread = plan.read()["power"]
     place = rng.normal(0, spread["conditions"], (1, conditions, 1))
     place = place + rng.normal(0, spread["seeds"], (1, 1, seeds))
     first, second = (
@@ -194,12 +202,22 @@ def simulated(
     return first + place + apart, second
 
 
+def spread_of(a: FloatArray, b: FloatArray) -> dict[str, float]:
+    """The standard deviations of two contestants' runs, as in the plan's ``power`` entry."""
+    tunings = math.sqrt(sum(one.mean(axis=(1, 2)).var(ddof=1) for one in (a, b)) / 2)
+    place = a.mean(axis=0) - b.mean(axis=0)
+    rows_, columns = place.mean(axis=1), place.mean(axis=0)
+    rest = place - rows_[:, None] - columns + place.mean()
+    spread = {"tunings": tunings, "conditions": rows_.std(ddof=1), "seeds": columns.std(ddof=1)}
+    return {key: float(sd) for key, sd in (spread | {"rest": rest.std()}).items()}
+
+
 def coverage(shape: tuple[int, int, int], times: int = 1000) -> tuple[float, float]:
     """How often the interval holds the truth, and how often that of the bootstrap does."""
     rng = np.random.default_rng([5, *shape])
     within = again = 0
     for i in range(times):
-        a, b = simulated(rng, shape)
+        a, b = simulated(rng, shape, 0.0, plan.read()["power"])
         found = contrast(a, b, plan.margin())
         within += found.low <= 0.0 <= found.high
         if i % 4 == 0:
@@ -223,15 +241,52 @@ def write_coverage() -> None:
     COVERAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def power(tunings: int, conditions: int, apart: float, times: int = 1000) -> tuple[float, float]:
+def power(
+    shape: tuple[int, int, int],
+    apart: float,
+    spread: Spread,
+    of_these: bool = False,
+    times: int = 1000,
+) -> tuple[float, float]:
     """The shares of simulated studies that find a difference, and that find equivalence."""
-    rng = np.random.default_rng([tunings, conditions, round(1000 * apart)])
-    shape = (tunings, conditions, SEEDS)
-    found = [contrast(*simulated(rng, shape, apart), plan.margin()) for _ in range(times)]
+    rng = np.random.default_rng([*shape[:2], round(1000 * apart)])
+    if of_these:
+        spread = {**spread, "tunings": 0.0}
+    margin = plan.margin()
+    found = [
+        contrast(*simulated(rng, shape, apart, spread), margin, of_these=of_these)
+        for _ in range(times)
+    ]
     return (
         float(np.mean([one.p < LEVEL for one in found])),
         float(np.mean([one.p_equivalent < LEVEL for one in found])),
     )
+
+
+def power_again(task: str) -> str:
+    """Power of a task whose contestants were tuned in another one, from that one's rows."""
+    entry = plan.read()["tasks"][task]
+    lines = ["| pair | group | tunings | conditions | seeds | of any tunings | of these tunings |"]
+    lines[0] += " tunings for 80 % |"
+    lines += ["|" + "---|" * 8]
+    pairs = [("spikes", other) for other in entry["only"] if not other.startswith("spikes")]
+    for group, about in entry["groups"].items():
+        found = cells(entry["tuned"], "error", group)
+        for one, other in pairs:
+            if one not in found or other not in found:
+                continue
+            spread = spread_of(found[one].values, found[other].values)
+            shape = (len(found[one].values), about[plan.HELD_OUT], SEEDS)
+            shown = [f"{spread[key]:.2f}" for key in ("tunings", "conditions", "seeds")]
+            shares = [power(shape, plan.margin(), spread, is_of)[0] for is_of in (False, True)]
+            enough = (n for n in (5, 10, 15, 20, 30, 40) if _finds((n, *shape[1:]), spread))
+            cells_ = [f"{one}, {other}", group, *shown, *(f"{100 * x:.0f} %" for x in shares)]
+            lines.append(f"| {' | '.join([*cells_, str(next(enough, 'more than 40'))])} |")
+    return "\n".join(lines)
+
+
+def _finds(shape: tuple[int, int, int], spread: Spread) -> bool:
+    return power(shape, plan.margin(), spread)[0] >= 0.8
 
 
 def power_table() -> str:
@@ -242,8 +297,9 @@ def power_table() -> str:
     lines += ["|---|---|---|---|"]
     for tunings in (5, 10, 20):
         for conditions in (6, 10, 20):
-            larger = power(tunings, conditions, plan.margin())[0]
-            equal = power(tunings, conditions, 0.0)[1]
+            shape, spread = (tunings, conditions, SEEDS), plan.read()["power"]
+            larger = power(shape, plan.margin(), spread)[0]
+            equal = power(shape, 0.0, spread)[1]
             shares = f"{100 * larger:.0f} % | {100 * equal:.0f} %"
             lines.append(f"| {tunings} | {conditions} | {shares} |")
     return "\n".join(lines)

@@ -66,7 +66,7 @@ def _run_of(task: str) -> str:
     fewer = [
         f"{name} {n}"
         for name in entry["contestants"]
-        if 0 < (n := sum(one == name for one, _ in tunings)) < plan.read()["tunings"]
+        if 0 < (n := sum(one == name for one, _ in tunings)) < plan.tunings(task, name)
     ]
     text += f" Not run yet: {', '.join(absent)}." if absent else ""
     return text + (f" With fewer tunings than planned: {', '.join(fewer)}." if fewer else "")
@@ -260,4 +260,4 @@ def _percent(row: dict[str, str]) -> dict[str, str]:
 
 
 def _reading() -> str:
-    return FOOT.format(margin=plan.read()["margin"], fewest=judge.FEWEST)
+    return FOOT.format(margin=plan.read()["margin"], fewest=plan.FEWEST)

@@ -18,9 +18,6 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-import yaml
-
-from runtime.document import dump_yaml
 from runtime.errors import UsageError
 from runtime.experiments.design import slugs
 from tests.studies.comparison import plan
@@ -51,17 +48,10 @@ def began(task: str) -> dict[tuple[str, int], datetime]:
     }
 
 
-def choose(file: Path, contestant: str) -> None:
-    """Leave one contestant in a contest's file."""
-    data = yaml.safe_load(file.read_text(encoding="utf-8"))
-    data["contestants"] = {contestant: data["contestants"][contestant]}
-    file.write_text(dump_yaml(data), encoding="utf-8")
-
-
 def is_complete(task: str, contestant: str) -> bool:
     """Whether all tunings of a contestant have rows."""
     done = {row["tuning"] for row in read(task) if row["contestant"] == contestant}
-    return len(done) >= plan.read()["tunings"]
+    return len(done) >= plan.tunings(task, contestant)
 
 
 def gather(task: str, folder: Path) -> Path:
@@ -72,8 +62,9 @@ def gather(task: str, folder: Path) -> Path:
     old = read(task) if task in tasks() else []
     found: list[Row] = []
     for name, start in names.items():
-        for tuning in range(settings["tunings"]):
-            own = folder / f"{start}-{tuning}"
+        for tuning in range(plan.tunings(task, name)):
+            first = settings["tasks"][task].get("sampling_seed", 0)
+            own = folder / f"{start}-{first + tuning}"
             if (own / "tuning.json").exists():
                 found += _rows(name, tuning, own)
             else:
@@ -109,6 +100,33 @@ def _row(row: Row, part: str, paths: list[str]) -> Row:
     return first | {
         key: _short(value) for key, value in row.items() if key not in (*NOT_KEPT, *paths)
     }
+
+
+def entered(task: str, contestant: str, tuning: int) -> dict[str, float]:
+    """The values that a tuning entered, by path; empty if they were the contestant's own.
+
+    They are those of the smallest mean error among those whose mean effort is below the limit.
+    """
+    limit = plan.read()["tasks"][task]["effort"]
+    runs: dict[str, list[Row]] = defaultdict(list)
+    for row in read(task):
+        mine = (row["contestant"], row["tuning"]) == (contestant, str(tuning))
+        if mine and row["part"] == plan.TRAINING:
+            runs[row["values"]].append(row)
+    means = {
+        values: [_mean(own, key) for key in ("error", "effort")]
+        for values, own in runs.items()
+        if all(row["status"] == "ok" and row["error"] for row in own)
+    }
+    allowed = [values for values, (_, effort) in means.items() if effort < limit]
+    best = min(allowed or means, key=lambda values: means[values][0])
+    # Values are numbers, so that no comma is within one.
+    cells = [float(cell) for cell in best.split(",") if cell]
+    return dict(zip(plan.factors(task, contestant), cells, strict=True)) if cells else {}
+
+
+def _mean(own: list[Row], key: str) -> float:
+    return sum(float(row[key]) for row in own) / len(own)
 
 
 def _short(cell: str) -> str:
