@@ -140,7 +140,10 @@ class Latency(_Transport):
     head = State(3, doc="how many there were; the stamp of the last; when it arrives (s)")
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
-        return {"rows": int((self.latency + self.jitter) / context.dt + 1.0 - EARLY) + 2}
+        # One that overtook others is held until one arrives that was measured after it arrived:
+        # for twice the longest time.
+        longest = int((self.latency + self.jitter) / context.dt + 1.0 - EARLY)
+        return {"rows": (longest if self.ordered else 2 * longest) + 2}
 
     def start(self, state: BlockState) -> None:
         super().start(state)

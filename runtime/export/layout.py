@@ -231,11 +231,11 @@ class Layout:
             alone = not entries[block].cls.spec.inputs and len(entries[block].cls.spec.outputs) == 1
             if alone and block not in attributes:
                 attributes[block] = (("output", methods[0]),)
-        found = {}
+        found, members = {}, set[str]()
         for block, of in attributes.items():
             if any(port.publishes for port in entries[block].cls.spec.outputs.values()):
                 continue  # others have read from it when they started
-            made = followed(block, entries[block].block, self.blocks[block], of)
+            made = followed(block, entries[block].block, self.blocks[block], of, members)
             words = {(block, word) for word in made.words}
             if words & self._owned.keys() <= self.fixed:
                 found[block] = made

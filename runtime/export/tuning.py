@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, BlockState, Param, ParameterError, retune
-from runtime.export.names import member_name
+from runtime.export.names import member_name, unused
 from runtime.export.stand_ins import (
     DECISIONS,
     FUNCTIONS,
@@ -96,7 +96,11 @@ class Followed:
 
 
 def followed(
-    name: str, block: Block, state: BlockState, attributes: tuple[tuple[str, str], ...]
+    name: str,
+    block: Block,
+    state: BlockState,
+    attributes: tuple[tuple[str, str], ...],
+    members: set[str],
 ) -> Followed:
     """What follows from the tunable parameters of a block.
 
@@ -105,10 +109,11 @@ def followed(
     name : of the block. state : after start.
     attributes : what its struct has: ("self" or "state", attribute); ("output", method) is what
         a method returns of which nothing changes, as a constant's.
+    members : names that the struct has already; those of this block are added.
     """
     traced, direct = list[Tunable](), list[Tunable]()
     words, others = dict[str, tuple[str, ...]](), dict[str, tuple[str, ...]]()
-    for one in _tunables(name, block):
+    for one in _tunables(name, block, members):
         try:
             found = _traced(block, state, attributes, [*traced, one])
         except Exception:  # noqa: BLE001 -- what a stand-in cannot do ends in any of many errors
@@ -128,7 +133,7 @@ def followed(
     return Followed(kept, words, others)
 
 
-def _tunables(name: str, block: Block) -> Iterator[Tunable]:
+def _tunables(name: str, block: Block, members: set[str]) -> Iterator[Tunable]:
     """The numbers of a block that a session may change."""
     for own, declared in block.spec.params.items():
         value = block.value(own)
@@ -146,7 +151,8 @@ def _tunables(name: str, block: Block) -> Iterator[Tunable]:
         for path, (number, of) in every.items():
             array = np.asarray(number)
             if array.dtype.kind == "f" or (array.dtype.kind == "i" and of.kind != "int"):
-                member = member_name("_".join((name, *path)))
+                # Block M_PI and block PI of part M both have an M_PI_gain.
+                member = unused(member_name("_".join((name, *path))), members)
                 numbers = array.astype(np.float64)
                 yield Tunable(".".join(path), member, numbers, of, isinstance(number, np.ndarray))
 

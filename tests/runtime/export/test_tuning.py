@@ -29,8 +29,8 @@ SHARE, BEFORE, AFTER = 0.8125, 12, 25  # of a value; ticks before it changes, an
 # the gain of a regulator, as a parameter instead.
 BY_GRAPH = {
     *("Clip", "DiscreteSteadyStateKalman", "ExtendedKalmanFilter", "KalmanFilter", "LQI", "LQR"),
-    *("LinearDisturbanceObserver", "LinearQuadraticRegulator", "LookupTable", "Piecewise"),
-    *("PinkNoise", "WhiteNoise"),
+    *("LinearDisturbanceObserver", "LinearMPC", "LinearQuadraticRegulator", "LookupTable", "MPC"),
+    *("PinkNoise", "Piecewise", "WhiteNoise"),
 }
 
 
