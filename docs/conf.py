@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import os
 import re
 import sys
 import tomllib
@@ -12,6 +13,7 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
+import evidence  # noqa: E402
 import site_pages  # noqa: E402
 from block_links import link_blocks  # noqa: E402
 from docstrings import with_fields  # noqa: E402
@@ -19,6 +21,9 @@ from docutils import nodes  # noqa: E402
 from sphinx.application import Sphinx  # noqa: E402
 
 site_pages.write(HERE / "generated")
+RUNS = os.environ.get("SPIKEBLOCKS_DOCS_RUNS") != "0"
+PLOTS = evidence.plots(HERE / "generated") if RUNS else ""
+FIGURES = evidence.figures(HERE / "generated") if RUNS else ""
 
 ABOUT = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REPOSITORY = ABOUT["urls"]["Repository"]
@@ -67,6 +72,12 @@ def setup(app: Sphinx) -> None:
         # Not in blocks.md itself, which is also read where it is stored.
         if page == "blocks":
             source[0] += "\n```{toctree}\n:hidden:\n:glob:\n\nblocks/*\n```\n"
+        elif page == "performance":
+            source[0] = evidence.with_bars(source[0])
+        elif page == "observing":
+            source[0] = source[0].replace("\n## Metrics\n", f"{PLOTS}\n## Metrics\n")
+        elif page == "reproduction":
+            source[0] = source[0].replace("\n## Claims\n", f"{FIGURES}\n## Claims\n")
 
     app.connect("autodoc-process-docstring", changed)
     app.connect("source-read", completed)
@@ -78,10 +89,12 @@ def setup(app: Sphinx) -> None:
 def name_sections(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: nodes.document | None
 ) -> None:
-    """Give the sections of the contents, which the theme calls headings, a level."""
+    """Give the sections of the contents a level, which the theme leaves out; load pictures late."""
     contents = context.get("furo_navigation_tree", "")
     leveled = contents.replace('role="heading"', 'role="heading" aria-level="2"')
     context["furo_navigation_tree"] = leveled
+    if page != "index":  # whose first picture is in sight
+        context["body"] = context.get("body", "").replace("<img ", '<img loading="lazy" ')
 
 
 def describe(

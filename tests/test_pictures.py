@@ -114,3 +114,21 @@ def test_a_picture_of_the_gallery_is_that_of_its_command(
     graph = runtime.load(name)
     graph.run().plot(graph.observation.all_plots[0].name).savefig(tmp_path / "own.png", dpi=150)
     assert (imread(tmp_path / address) == imread(tmp_path / "own.png")).all()
+
+
+def test_bars_of_a_page_are_as_long_as_its_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence = of_docs("evidence", monkeypatch)
+    head = "|  | per tick | ratio |\n| --- | --- | --- |\n"
+    text = f"before\n\n{head}| slow <a> | 2 ms (1 to 3) | 1 |\n| quick | 500.0 us | 0.25 |\n\nafter"
+    drawn = evidence.with_bars(text)
+    assert drawn.endswith(text[text.index("|") :])
+    assert re.findall(r"<span>(.*?)</span><b style=\"--share:([\d.]+)\">(.*?)</b>", drawn) == [
+        ("slow &lt;a&gt;", "1.0000", "2 ms"),
+        ("quick", "0.2500", "500.0 µs"),
+    ]
+    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    assert evidence.with_bars(page).count('class="bars"') > 5
+    claims = re.findall(
+        r"^\| ([A-C]\d[a-c]?) \|", (ROOT / "docs/reproduction.md").read_text("utf-8"), re.M
+    )
+    assert set(claims) == set(re.findall(r"\b[A-C]\d[a-c]?\b", " ".join(evidence.FIGURES.values())))
