@@ -179,7 +179,9 @@ class _Inference:
 
     def fills(self, wire: Wire) -> bool:
         """Whether an input takes one number for all its components."""
-        return self.network.entries[wire.block].cls.spec.inputs[wire.port].fills
+        # The wire to a part ends at the part, which is no block.
+        entry = self.network.entries.get(wire.block)
+        return entry is not None and entry.cls.spec.inputs[wire.port].fills
 
     def width(self, wire: Wire) -> int:
         """The number of components that arrive at such an input; 0 if it is not known yet."""
@@ -374,7 +376,6 @@ class _Inference:
         elif coming.form == "scalar" and target.name == "Vector" and len(target.shape) == 1:
             message += "; a Broadcast makes a vector of the number, as long as is expected"
         else:
-            # The wire to a part ends at the part, which is no block.
             entries = map(self.network.entries.get, (wire.source.block, wire.block))
             if not target.symbol:  # a length that is open may be the right one
                 message += "".join(entry.block.instead(target) for entry in entries if entry)
