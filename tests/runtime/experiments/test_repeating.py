@@ -150,7 +150,7 @@ def numbers_of(graph: runtime.Graph) -> list[tuple[str, Any]]:
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", SHIPPED)
 @settings(
-    max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=2, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_random_numbers_of_shipped_graphs(name: str, engine: str, data: st.DataObject) -> None:

@@ -32,7 +32,7 @@ def test_two_parts_replay_or_say_why_not(name: str, tmp_path: Path) -> None:
     graph = runtime.load(name)
     done = 0
     names = sorted(graph.network.entries)
-    for i, block in enumerate(names if len(names) < 9 else names[:: len(names) // 8]):
+    for i, block in enumerate(names if len(names) < 5 else names[:: len(names) // 4]):
         for kind in ("blocks", "others"):
             try:
                 # The replay of each is compared while it is written; a difference is an error.
