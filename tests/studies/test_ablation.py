@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Callable
 from functools import cache
@@ -222,7 +223,7 @@ def test_equal_but_for_rounding_is_equal() -> None:
 def test_a_value_on_more_seeds_is_better_even_if_later() -> None:
     results = made_up(lambda *_: 10.0)
     values = results[LINE, PRINTED].values
-    values[ALONE]["converged_at"] = [None] * 18 + [5.0, 5.1]
+    values[ALONE]["converged_at"][:] = [math.inf] * 18 + [5.0, 5.1]
     effect = Judged(results)(LINE, PRINTED, BASELINE, ALONE, 1)
     assert (effect.own.n, effect.base.n, effect.apart.n) == (20, 2, 2)
     assert effect.apart.mean > 0.0
@@ -250,7 +251,7 @@ def test_the_page_says_what_the_numbers_say(judged: Judged) -> None:
 def test_a_run_that_failed_is_listed() -> None:
     results = made_up(lambda *_: 1.0)
     bad = results[LINE, PRINTED]
-    bad.values[ALONE]["position_mae"][4] = None
+    bad.values[ALONE]["position_mae"][4] = math.inf
     results[LINE, PRINTED] = Measured(
         bad.values, SEEDS, ("line: no adaptive part, seed 4: it fell",)
     )

@@ -41,7 +41,7 @@ def main() -> None:
                 results[configuration, rule] = measure(
                     configuration, rule, folder, seeds, jobs=options.jobs
                 )
-    text = page(Judged(results), Judged(results, "ranks"))
+    text = page(Judged(results), Judged(results, "t"))
     PAGE.write_text(text, encoding="utf-8")
     print(text)
 

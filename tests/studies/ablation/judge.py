@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,6 @@ from runtime.experiments.analysis.statistics import (
     difference,
     estimate,
     is_significant,
-    mcnemar_test,
 )
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, RULES, Configuration, Measured
@@ -25,7 +23,6 @@ TUNED, TRACKERS = "tuned LQR", ("PID", "PurePursuit", "Stanley")
 PARTS = ("no adaptive speed", "no adaptive turn rate", "rate neurons", "integrator")
 FAST, FAST_INTEGRATOR = "SNN, twice as fast", "integrator, twice as fast"
 MARGIN = 0.1  # a stand-in does as well if it is within this part of the error
-ROUNDING = 1e-9
 HELPS, HURTS, NOT_SIGNIFICANT, EQUAL = "helps", "hurts", "not significant", "equal"
 MORE, LESS = "more", "less"
 BETTER, WORSE, AS_WELL = "better", "worse", "as well"
@@ -72,46 +69,45 @@ class Asked:
 
 @dataclass(frozen=True)
 class Effect:
-    """Its answer. ``p`` and ``p_presence`` are corrected for all questions together."""
+    """Its answer.
+
+    p : corrected for all questions together. larger : on how many seeds more the value is larger
+    than on how many it is smaller.
+    """
 
     asked: Asked
     own: Estimate
     base: Estimate
     apart: PairedDifference
     p: float
-    p_presence: float
+    larger: int
 
     @property
     def is_equal(self) -> bool:
         """Whether nothing differs but rounding."""
-        # Differences that are all equal have no interval.
-        found = (self.apart.low, self.apart.high, self.apart.mean)
-        ends = max((abs(end) for end in found if not math.isnan(end)), default=math.nan)
-        return self.own.n == self.base.n and ends <= ROUNDING * abs(self.base.mean)
+        return self.apart.is_equal
 
     @property
     def is_significant(self) -> bool:
-        """Whether means, or how often there is a value at all, differ significantly."""
-        return not self.is_equal and (is_significant(self.p) or is_significant(self.p_presence))
+        return not self.is_equal and is_significant(self.p)
 
     @property
     def is_within_margin(self) -> bool:
         """Whether the whole interval is small beside the error."""
         low, high = self.share[1:]
-        return self.own.n == self.base.n and low >= -MARGIN and high <= MARGIN
+        return not self.apart.never and low >= -MARGIN and high <= MARGIN
 
     @property
-    def is_improvement(self) -> bool:
-        """The direction. A metric that is reached on more seeds is the better one."""
-        if is_significant(self.p_presence):
-            return self.own.n > self.base.n
-        return self.apart.mean < 0.0
+    def is_more(self) -> bool:
+        """The direction: of the typical difference, or of most where some are infinite."""
+        return (self.larger if self.apart.never else self.apart.mean) > 0.0
 
     @property
     def share(self) -> tuple[float, float, float]:
-        """The difference and its interval as parts of the mean that it is held against."""
-        mean = abs(self.base.mean)
-        return self.apart.mean / mean, self.apart.low / mean, self.apart.high / mean
+        """The difference and its interval as parts of what it is held against."""
+        # By ranks of logarithms it is one already.
+        whole = 1.0 if self.apart.scale == "log ranks" else abs(self.base.mean)
+        return self.apart.mean / whole, self.apart.low / whole, self.apart.high / whole
 
     @property
     def verdict(self) -> str:
@@ -121,8 +117,8 @@ class Effect:
         if not self.is_significant:
             return NOT_SIGNIFICANT
         if not self.asked.metric.is_error:
-            return MORE if self.apart.mean > 0.0 else LESS
-        return HELPS if self.is_improvement else HURTS
+            return MORE if self.is_more else LESS
+        return HURTS if self.is_more else HELPS
 
     @property
     def stands_in(self) -> str:
@@ -131,7 +127,7 @@ class Effect:
             return AS_WELL
         if not self.is_significant:
             return NOT_SIGNIFICANT
-        return BETTER if self.is_improvement else WORSE
+        return WORSE if self.is_more else BETTER
 
 
 Results = Mapping[tuple[Configuration, str], Measured]
@@ -150,12 +146,11 @@ def controllers(measured: Measured) -> dict[str, tuple[str, str]]:
 class Judged:
     """All questions with their answers."""
 
-    def __init__(self, results: Results, test: Test = "t") -> None:
+    def __init__(self, results: Results, test: Test = "auto") -> None:
         self.results = results
         effects = [self._effect(asked, test) for asked in self._asked()]
-        p = benjamini_hochberg([*(e.p for e in effects), *(e.p_presence for e in effects)])
-        found = zip(effects, p[: len(effects)], p[len(effects) :], strict=True)
-        self.effects = {e.asked: replace(e, p=a, p_presence=b) for e, a, b in found}
+        corrected = benjamini_hochberg([e.p for e in effects])
+        self.effects = {e.asked: replace(e, p=p) for e, p in zip(effects, corrected, strict=True)}
 
     def __call__(
         self, configuration: Configuration, rule: str, variant: str, against: str, metric: int = 0
@@ -198,13 +193,13 @@ class Judged:
     def _effect(self, asked: Asked, test: Test) -> Effect:
         measured, name = self.results[asked.configuration, asked.rule], asked.metric.name
         own, base = measured(asked.variant, name), measured(asked.against, name)
-        differs = [a is None for a in own] != [b is None for b in base]
         apart = difference(own, base, test)
+        pairs = [(a, b) for a, b in zip(own, base, strict=True) if a is not None and b is not None]
         return Effect(
             asked,
             estimate([v for v in own if v is not None]),
             estimate([v for v in base if v is not None]),
             apart,
             apart.p,
-            mcnemar_test(own, base) if differs else math.nan,
+            sum(int(a > b) - int(a < b) for a, b in pairs),
         )

@@ -53,16 +53,18 @@ READING = """
 ## How to read this
 
 * A seed draws the noise and the neurons. Differences are paired: to the run with the same seed,
-  and so with the same noise and neurons. Intervals are Student's t, 95 %. In case A there is no
-  noise: what has no neurons gives one and the same result on all seeds.
+  and so with the same noise and neurons. Intervals, of 95 %, are Student's t of the mean
+  difference, or by signed ranks where values are skewed or something is never reached: then of the
+  ratio, in percent, where values are positive. What is never reached, as a run that failed, is
+  worse than any value. In case A there is no noise: what has no neurons gives one and the same
+  result on all seeds.
 * A change **helps** or **hurts** where its difference is significant: p < {level:.2g}, corrected
   by {correction} for all {asked} comparisons of this page. "Not significant" does not mean
   that there is no difference: the interval shows how large it may be.
 * What takes the place of something else does **as well** where the whole interval is within
   {margin:.0f} % of the error of what it replaces, else **better** or **worse** where
   the difference is significant.
-* By signed ranks, in place of Student's t, {other} of the {asked} verdicts
-  differ.
+* By Student's t alone, {other} of the {asked} verdicts would be different.
 * All gains and learning rates were chosen on other seeds of the same cases. Whether a learner is
   slow by its rate or by its kind is asked by letting it learn twice as fast. How the rate of the
   printed rule was chosen is described in [reproduction.md](reproduction.md).
@@ -108,4 +110,4 @@ def page(judged: Judged, otherwise: Judged) -> str:
 def _failures(judged: Judged) -> list[str]:
     """Runs that did not end as they should."""
     broken = [f"* {line}" for measured in judged.results.values() for line in measured.broken]
-    return ["\nRuns that failed, and have no values:\n", *broken] if broken else []
+    return ["\nRuns that failed, which is worse than any value:\n", *broken] if broken else []

@@ -10,6 +10,7 @@ from pathlib import Path
 from runtime.document.loader import SHIPPED
 from runtime.errors import UsageError
 from runtime.experiments import run_ablation
+from runtime.experiments.analysis import failed_value
 from runtime.experiments.design.experiment import Experiment, read_experiment
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import check_variants
@@ -23,6 +24,7 @@ from tests.studies.following import ENGINE, WORKERS
 EXPERIMENTS = SHIPPED / "experiments"
 PRINTED, ROBUST = "as printed", "robust rule"
 RULES = (PRINTED, ROBUST)
+WORST = {"distance": -math.inf}  # of a run that failed: progress along a path; others are errors
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,11 @@ CONFIGURATIONS = (
 
 @dataclass(frozen=True)
 class Measured:
-    """One ablation: for each variant and metric a value for each seed, None where there is none."""
+    """One ablation: for each variant and metric a value for each seed.
+
+    It is infinite where something is never reached or a run failed, which is worse than any other
+    value, and None where there is none.
+    """
 
     values: dict[str, dict[str, list[float | None]]]
     seeds: tuple[int, ...]
@@ -102,8 +108,7 @@ def measure(
     rows = done.rows
     values = {
         name: {
-            # What never settles has no value here: McNemar's test asks how often that is.
-            metric: [None if row.metrics[i] in (None, math.inf) else row.metrics[i] for row in own]
+            metric: [failed_value(row, i, WORST.get(metric, math.inf)) for row in own]
             for i, metric in enumerate(plan.metrics)
         }
         for name, own in rows.items()

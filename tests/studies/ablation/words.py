@@ -33,9 +33,12 @@ def change(effect: Effect) -> str:
     counts = ""
     if effect.own.n != effect.base.n:
         counts = f"{effect.own.n} seeds against {effect.base.n}"
-    if not effect.apart.n:
+    if not effect.own.n or not effect.base.n:
         return _cell(counts, effect.verdict) if counts else "never"
-    span = _span(effect.apart.mean, effect.apart.low, effect.apart.high, metric, "+")
+    if effect.apart.scale == "log ranks":
+        span = percent(effect)
+    else:
+        span = _span(effect.apart.mean, effect.apart.low, effect.apart.high, metric, "+")
     return _cell(", ".join(part for part in (span, counts) if part), effect.verdict)
 
 
@@ -56,7 +59,9 @@ def share(effect: Effect, word: Word = verdict) -> str:
 def percent(effect: Effect) -> str:
     """A difference and its interval in percent."""
     mean, low, high = (_signed(100 * part) for part in effect.share)
-    return f"{mean} %" if low == high else f"{mean} % [{low}, {high}]"
+    return (
+        f"{mean} %" if math.isnan(effect.share[1]) or low == high else f"{mean} % [{low}, {high}]"
+    )
 
 
 def _signed(value: float, digits: int = 0, sign: str = "+") -> str:
