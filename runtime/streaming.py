@@ -10,7 +10,10 @@ In: arrays, some of them mapped from a file, or the path of an archive. Out: an 
 from __future__ import annotations
 
 import mmap
+import struct
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -61,6 +64,14 @@ def save_arrays(path: Path | BinaryIO, arrays: Mapping[str, FloatArray]) -> None
                     file.write(np.ascontiguousarray(rows, dtype="<f8").data)
 
 
+# What numpy and zipfile raise for archives that are damaged. Numpy reads a header as Python, and
+# only warns about some that it cannot be sure of.
+DAMAGED: tuple[type[Exception], ...] = (
+    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError, Warning),
+)
+
+
 def open_arrays(path: Path) -> dict[str, FloatArray]:
     """The arrays of an archive; those of a large one stay on disk until they are used.
 
@@ -68,7 +79,7 @@ def open_arrays(path: Path) -> dict[str, FloatArray]:
 
     Raises
     ------
-    OSError, ValueError, zipfile.BadZipFile and other errors of numpy and zipfile for damaged files.
+    DAMAGED : for damaged files.
     """
     with path.open("rb") as file:
         _check_members(file)

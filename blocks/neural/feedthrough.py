@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from blocks.neural.ensemble import Ensemble
 from blocks.neural.published_tuning import Tuning
 from blocks.neural.synapses import passed
 
-COPIED = ("drive", "fired", "voltage", "refractory", "recovery")
+COPIED = ("drive", "fired", "voltage", "refractory", "recovery", "filtered_noise", "point")
 
 
 @final
@@ -64,7 +64,7 @@ class FeedthroughEnsemble(Ensemble):
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        # A second population, with the encoders of the first, that takes each step ahead of it.
+        # What a second population, which takes each step ahead of this one, shares with it.
         shared: tuple[str, ...] = (
             "gain",
             "bias",
@@ -76,13 +76,7 @@ class FeedthroughEnsemble(Ensemble):
             "draws",
         )
         shared += ("emission", "amplitude", "scales", "noise", "drawn", "noise_a", "noise_b")
-        ahead = SimpleNamespace(**{name: getattr(state, name) for name in shared}, learns=False)
-        for name in COPIED:
-            setattr(ahead, name, getattr(state, name).copy())
-        ahead.filtered_noise = state.filtered_noise.copy()
-        ahead.drive_of_groups = ahead.drive.reshape(state.drive_of_groups.shape)
-        ahead.point = state.point.copy()
-        state.ahead = ahead
+        state.shared = {name: getattr(state, name) for name in shared} | {"learns": False}
 
     def stack_key(self, context: BlockContext) -> None:
         return None
@@ -98,9 +92,9 @@ class FeedthroughEnsemble(Ensemble):
         input: tuple[FloatArray, ...],
         current: tuple[FloatArray, ...],
     ) -> FloatArray:
-        ahead = state.ahead
-        for name in (*COPIED, "filtered_noise"):
-            getattr(ahead, name)[...] = getattr(state, name)
+        copies = {name: getattr(state, name).copy() for name in COPIED}
+        ahead: Any = SimpleNamespace(**state.shared, **copies)
+        ahead.drive_of_groups = ahead.drive.reshape(state.drive_of_groups.shape)
         self.update(ahead, t, input, current, 1.0)
         fired: FloatArray = ahead.fired.copy()
         return fired

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -25,16 +23,12 @@ from blocks.core import FloatArray, StoredArray, hint
 from runtime.document.limits import MAX_ARRAY_BYTES, Work
 from runtime.document.node import Node
 from runtime.errors import Problems
+from runtime.streaming import DAMAGED
 
 REFERENCE = re.compile(r"([^#$][^#\n]*\.npz)#(.+)")
 # Sections of a graph or part in which a value may be an array.
 PLACES = ("params", "defaults", "blocks", "initial")
 UNNAMED = "arrays.npz"  # the archive of arrays that Python gave
-# What numpy and zipfile raise for archives that are damaged.
-_BROKEN = (
-    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError),
-    *(zipfile.BadZipFile, zlib.error, struct.error),
-)
 # Arrays that a graph still has, by file, its time and size, and name: an editor reads a text again
 # with every key that is pressed.
 _READ: WeakValueDictionary[tuple[str, int, int, str], StoredArray] = WeakValueDictionary()
@@ -100,7 +94,7 @@ def _read(path: Path, name: str, written: str) -> StoredArray:
         raise ValueError(str(error)) from None
     except MemoryError:
         raise ValueError(f"'{written}#{name}' does not fit into memory") from None
-    except _BROKEN as error:
+    except DAMAGED as error:
         message = f"'{written}' is no archive as numpy.savez writes it"
         raise ValueError(f"{message}: {getattr(error, 'strerror', None) or error}") from None
     return array

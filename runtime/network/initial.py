@@ -10,9 +10,6 @@ block and state, each of the shape that the block declares::
 
 from __future__ import annotations
 
-import struct
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -24,7 +21,7 @@ from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network
 from runtime.network.shapes import whole_shape
-from runtime.streaming import open_arrays
+from runtime.streaming import DAMAGED, open_arrays
 
 STATES = "states.npz"
 ANEW = (
@@ -32,8 +29,6 @@ ANEW = (
     "noise it differs from a longer run"
 )
 Initial = dict[str, dict[str, FloatArray]]
-# What numpy and zipfile raise for archives that are damaged.
-_BROKEN = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile)
 
 
 def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[str]]:
@@ -93,7 +88,7 @@ def _states(
                 ": the run was made by an older version or with run.states: none; run it again"
             )
         problems.add(node.where, address, message)
-    except (*_BROKEN, zlib.error, struct.error) as error:
+    except DAMAGED as error:
         problems.add(
             node.where, address, f"'{folder / STATES}' is damaged: {error}; run that graph again"
         )

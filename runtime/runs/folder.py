@@ -14,10 +14,7 @@ from __future__ import annotations
 import io
 import json
 import math
-import struct
 import warnings
-import zipfile
-import zlib
 from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
@@ -43,7 +40,7 @@ from runtime.files import (
 from runtime.network import STATES
 from runtime.observation import PlotSpec, Probe, Recording, RunData
 from runtime.runs.commit import git_commit
-from runtime.streaming import open_arrays, save_arrays
+from runtime.streaming import DAMAGED, open_arrays, save_arrays
 
 SCHEMA_VERSION = 1
 TIME = "time"
@@ -59,11 +56,6 @@ _FACTS = {
     **{"graph": str, "status": str, **_NUMBERS, "us_per_tick": MAYBE_NUMBER},
     **{"overrides": list, "removed": dict, "versions": dict, "argv": list},
 }
-# What numpy and zipfile raise over a file that is cut off or overwritten.
-_BROKEN_ARRAYS = (
-    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
-    *(zipfile.BadZipFile, zlib.error, struct.error, Warning),
-)
 
 
 def portable(
@@ -394,7 +386,7 @@ def read_arrays(path: Path) -> dict[str, FloatArray]:
             arrays = open_arrays(path)
     except FileNotFoundError:
         raise UsageError(f"'{path}' is missing{_remedy(path)}") from None
-    except _BROKEN_ARRAYS as error:
+    except DAMAGED as error:
         raise _damage_error(path, str(error) or type(error).__name__) from None
     for name, array in arrays.items():
         if array.dtype != np.float64:

@@ -9,7 +9,6 @@ best ones. A sweep of millions of trials holds only the groups whose trials are 
 from __future__ import annotations
 
 import heapq
-import itertools
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -135,7 +134,6 @@ class Tally:
     def __post_init__(self) -> None:
         self._grouping = Grouping(self.seeds)
         self._heap: list[tuple[tuple[int, float], int, RankedConfiguration]] = []
-        self._order = itertools.count()
 
     def add(self, row: Row) -> None:
         """Add a row."""
@@ -155,11 +153,10 @@ class Tally:
             return
         estimate = group.estimate(self.column, self.ends)
         rank = -estimate.never, -self.objective.of(estimate.mean) if estimate.n else -math.inf
-        # The first entry of a heap is the smallest: here the worst of the best.
-        if len(self._heap) == BEST and rank <= self._heap[0][0]:
-            return
+        # The first entry of a heap is the smallest: here the worst of the best. Of equal ones the
+        # first of the plan is the better one, not the one that ended first.
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
-        push(self._heap, (rank, -next(self._order), RankedConfiguration(group.cells, estimate)))
+        push(self._heap, (rank, -group.number, RankedConfiguration(group.cells, estimate)))
 
     @property
     def best(self) -> list[RankedConfiguration]:

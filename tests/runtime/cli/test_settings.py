@@ -40,7 +40,8 @@ def test_a_block_shows_what_its_parameters_choose_from(cli: Run) -> None:
 def test_a_setting_is_shown_alone(cli: Run) -> None:
     shown = cli("blocks", "AdaptiveLIF").stdout
     assert "adaptation per spike" in shown
-    assert "for Ensemble.neuron, as in neuron: {type: AdaptiveLIF, amplitude: ...}" in shown
+    assert "for Ensemble.neuron, " in shown
+    assert ", as in neuron: {type: AdaptiveLIF, amplitude: ...}" in shown
     found = json.loads(cli("blocks", "pes", "--json").stdout)["pes"]
     assert found["for"] == ["Decoder.learning"]
     assert found["parameters"]["learning_rate"]["default"] == 1e-4
