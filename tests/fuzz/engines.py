@@ -44,6 +44,8 @@ ROOM = {"room": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "circles": [[1.5, 1.0, 0.3
 # Called from Python under either engine, with seconds of physics, or a file: nothing to compare.
 LEFT_OUT = {"FMU", "ModelExchangeFMU", "MujocoVacuum"}
 SWITCHES = ("Enable", "Trigger")  # they need a part around them
+# Their inputs take as many numbers as their matrices say.
+OBSERVERS = ("KalmanFilter", "SteadyStateKalman", "DiscreteSteadyStateKalman")
 SIZES: dict[str, int] = {"samples": 150, "beams": 24, "neurons": 8, "wall_points": 20}
 # Blocks that give a signal of a type from nothing, or from what can be had from nothing.
 SOURCES: dict[str, tuple[str, str]] = {
@@ -134,9 +136,9 @@ class Grower:
                 continue
             if declared.optional and port in ("error", "post") and "learning" not in entry:
                 continue
-            if port == "control" and kind.endswith("KalmanFilter") and "B" not in entry:
+            if port == "control" and kind in OBSERVERS and "B" not in entry:
                 continue
-            if isinstance(kind_of, Same) and kind.endswith("KalmanFilter"):
+            if isinstance(kind_of, Same) and kind in OBSERVERS:
                 wanted = Scalar
             elif isinstance(kind_of, Same):
                 wanted = variables.setdefault(kind_of.variable, self.some_type())
@@ -149,8 +151,9 @@ class Grower:
                 wanted = kind_of
             if declared.variadic:
                 number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
-                if kind.endswith("KalmanFilter"):
-                    number = 1  # as many as their matrices say
+                if kind in OBSERVERS:
+                    given_by = np.array(entry["B" if port == "control" else "C"])
+                    number = len(np.atleast_2d(given_by.T if port == "control" else given_by))
                 wires[port] = [self.output_of(wanted) for _ in range(number)]
                 if declared.spread:
                     lengths[declared.spread] = number
@@ -209,7 +212,7 @@ class Grower:
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
         for name, value in REQUIRED.get(cls.__name__, {}).items():
             # What describes a filter's measurement may be among several, and is not required.
-            needed = cls.spec.params[name].required or cls.__name__.endswith("KalmanFilter")
+            needed = cls.spec.params[name].required or cls.__name__ in OBSERVERS
             if needed and name not in found:
                 found[name] = value
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
@@ -227,7 +230,7 @@ class Grower:
             found["weights"] = [
                 [0.1 * ((i + j) % 5 - 2) for j in range(columns)] for i in range(rows)
             ]
-        if cls.__name__ == "Ensemble":
+        if cls.__name__.endswith("Ensemble") and "neuron" in cls.spec.params:
             found.update(neuron={"type": "LIF", "tau_ref": 0.06}, max_rates="uniform(5, 12)")
         if cls.__name__ == "Constant":
             kind = given["T"]
