@@ -29,12 +29,16 @@ sys.dont_write_bytecode = False
 
 # A test may take long on a busy machine. The quick tests try a quarter of hypothesis' examples,
 # and the slow ones all of them, with the same tests.
-settings.register_profile("quick", deadline=None, max_examples=25)
-settings.register_profile("slow", deadline=None, max_examples=100)
+EXAMPLES = {"quick": 25, "slow": 100}
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Choose the number of examples, and a folder for compiled code that all workers share."""
+    """Choose the examples, and a folder for compiled code that all workers share."""
+    # The same examples in each run: whether a commit passes must not depend on the day. Others are
+    # looked for with ``pytest --hypothesis-seed=random``, and by ``python -m tests.fuzz``.
+    is_fixed = config.getoption("--hypothesis-seed", None) is None
+    for name, count in EXAMPLES.items():
+        settings.register_profile(name, deadline=None, max_examples=count, derandomize=is_fixed)
     settings.load_profile("quick" if config.option.markexpr == "not slow" else "slow")
     if config.pluginmanager.hasplugin("cacheprovider"):
         assert config.cache is not None

@@ -43,7 +43,8 @@ class EnsembleStack:
         self.block, self.fired = blocks[0], arrays["fired"]
         common = ("dt", "constants", "learns", "further", "noise", "draws", "emission")
         self.state = _flat(states, arrays, *common, "amplitude", "scales")
-        self.state.step = blocks[0].neuron.stacked(n)
+        # All neurons of a member, not those of a group: what it is stepped with alone.
+        self.state.step = blocks[0].neuron.stacked(total)
         # The encoders of a dimension are one row for all; without learning they stay what they are.
         grouped = rows.reshape(members, d, total // n, n).transpose(1, 0, 2, 3)
         self.state.row_groups = grouped.reshape(d, groups, n)

@@ -8,16 +8,17 @@ offers a :class:`DiagramFormat` under an entry point of the group ``spikeblocks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from blocks.extensions import Registry
 from runtime.arguments import chosen
 from runtime.diagrams.paint import draw
-from runtime.diagrams.picture import picture_of
+from runtime.diagrams.picture import DETAILS, picture_of
 from runtime.diagrams.shapes import Drawing
 from runtime.errors import UsageError
 from runtime.network import Network
+from runtime.observation import Probe
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,11 @@ class DiagramFormat:
     doc : what it is, in a few words.
     write : from a checked network to text or bytes; the same network gives the same bytes.
     suffixes : of files in this format, beside its name.
-    render : of a format that is drawn here, from the shapes; only such a one fits on paper.
+    render : in place of ``write``, from shapes that are laid out here, which fit on paper.
     """
 
     doc: str
-    write: Callable[[Network], str | bytes]
+    write: Callable[[Network], str | bytes] | None = None
     suffixes: tuple[str, ...] = ()
     render: Callable[[Drawing], str | bytes] | None = None
 
@@ -56,8 +57,10 @@ def _pdf(drawing: Drawing) -> bytes:
     return to_pdf(drawing)
 
 
-def _drawn(doc: str, render: Callable[[Drawing], str | bytes]) -> DiagramFormat:
-    return DiagramFormat(doc, lambda network: render(draw(picture_of(network))), render=render)
+def _tikz(drawing: Drawing) -> str:
+    from runtime.diagrams.tikz import to_tikz
+
+    return to_tikz(drawing)
 
 
 def _dot(network: Network) -> str:
@@ -77,9 +80,10 @@ FORMATS: Registry[DiagramFormat] = Registry(
     DiagramFormat,
     "a DiagramFormat",
     own={
-        "svg": _drawn("a picture with hovering texts", _svg),
-        "png": _drawn("a picture of pixels", _png),
-        "pdf": _drawn("a picture on a page", _pdf),
+        "svg": DiagramFormat("a picture with hovering texts", render=_svg),
+        "png": DiagramFormat("a picture of pixels", render=_png),
+        "pdf": DiagramFormat("a picture on a page", render=_pdf),
+        "tikz": DiagramFormat("a picture for LaTeX, in its fonts", None, ("tex",), _tikz),
         "dot": DiagramFormat("text that Graphviz lays out", _dot, ("gv",)),
         "mermaid": DiagramFormat("text that Mermaid lays out", _mermaid, ("mmd", "md")),
     },
@@ -91,15 +95,24 @@ def format_of(suffix: str) -> str:
     return next((name for name, kind in FORMATS.items() if suffix in kind.suffixes), suffix)
 
 
-def diagram(network: Network, format: str, paper: float | None = None) -> str | bytes:
+def diagram(
+    network: Network,
+    format: str,
+    paper: float | None = None,
+    probes: Iterable[Probe] = (),
+    detail: Iterable[str] | None = None,
+) -> str | bytes:
     """Draw the block diagram of a network.
 
     Parameters
     ----------
     network : a checked network; removed blocks are drawn in grey.
-    format : "svg", "png" or "pdf" for a picture that is laid out here, "dot" or "mermaid" for a
-        text that Graphviz or Mermaid lays out, or a format of an installed package.
+    format : "svg", "png", "pdf" or "tikz" for a picture that is laid out here, "dot" or "mermaid"
+        for a text that Graphviz or Mermaid lays out, or a format of an installed package.
     paper : the width of a column of paper (points, 1/72 inch), for a picture in rows.
+    probes : whose signals are marked in a picture.
+    detail : what a picture shows beside names and wires, of "blocks", "types", "rates", "ports",
+        "values" and "probes"; all of it, on paper without "types" of signals.
 
     Returns
     -------
@@ -107,12 +120,19 @@ def diagram(network: Network, format: str, paper: float | None = None) -> str | 
 
     Raises
     ------
-    UsageError : there is no such format, or it is not for paper.
+    UsageError : there is no such format or detail, or a format that another program lays out is
+        asked for a width or a detail.
     """
     kind = chosen(FORMATS, format, "diagram format")
-    if paper is None:
-        return kind.write(network)
-    if kind.render is None:
+    if kind.render is not None:
+        if detail is None:
+            # Words between columns would halve what fits into a row; colours say the types, too.
+            detail = DETAILS if paper is None else (each for each in DETAILS if each != "types")
+        return kind.render(draw(picture_of(network, probes).only(detail), paper))
+    if paper is not None or detail is not None:
         names = ", ".join(name for name, each in FORMATS.items() if each.render is not None)
-        raise UsageError(f"a diagram of a given width is drawn as {names}, not as {format}")
-    return kind.render(draw(picture_of(network), paper))
+        what = "of a given width" if paper is not None else "with another detail"
+        raise UsageError(f"a diagram {what} is drawn as {names}, not as {format}")
+    if kind.write is None:
+        raise UsageError(f"the diagram format {format} has neither write nor render")
+    return kind.write(network)

@@ -7,8 +7,9 @@ head and the label "Scalar", all in the colour of scalars.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import cycle
 
 from runtime.diagrams.layout import Point
@@ -37,12 +38,15 @@ from runtime.diagrams.sheet import (
     VALUE_SIZE,
     BoxPlacement,
     Sheet,
+    footer_height,
+    header_height,
     lay_out,
 )
 
 PAGE_MARGIN, PAPER_MARGIN = 16.0, 2.0
+FULL_LEGEND = 400.0  # the legend of a narrow diagram on a page is as wide as this
 LEAST_TYPE = 7.0  # points on paper
-LEGEND_HEIGHT = 40.0
+LEGEND_GAP, LEGEND_ROW = 30.0, 16.0
 TITLE_HEIGHT, TITLE_SIZE = 26.0, 14.0
 INK, SOFT, GHOST, PORT_INK = "#1f2937", "#4b5563", "#a7adb8", "#374151"
 BORDER, FRAME_BORDER = "#475569", "#c5ccd6"
@@ -87,8 +91,7 @@ def draw(picture: Picture, paper: float | None = None) -> Drawing:
 def _on_paper(picture: Picture, width: float) -> Drawing:
     """A drawing that is as wide as the paper, or narrower where it does not need all of it."""
     largest = LABEL_SIZE / LEAST_TYPE
-    # The colours of wires say their types; words between columns would halve what fits into a row.
-    drawing = _drawing(replace(picture, has_types=False), largest * width - 2 * PAPER_MARGIN)
+    drawing = _drawing(picture, largest * width - 2 * PAPER_MARGIN)
     return replace(drawing.scaled(min(1.0, width / drawing.width)), unit="pt")
 
 
@@ -98,14 +101,14 @@ def _drawing(picture: Picture, row: float | None) -> Drawing:
     painter = _Painter(sheet)
     titles = [painter.title()] if row is None else []
     groups = [*painter.frames(), *painter.nets(), *painter.boxes(), *titles]
-    legend = painter.legend()
+    legend = painter.legend(max(sheet.width, row or FULL_LEGEND))
     margin, top = (PAGE_MARGIN, TITLE_HEIGHT) if row is None else (PAPER_MARGIN, 0.0)
     height = sheet.height + 2 * margin + top
     width = max(sheet.width, text_width(picture.title, TITLE_SIZE, bold=True) if titles else 0.0)
     if legend is not None:
         ends = [s.x + text_width(s.text, s.size) for s in legend.shapes if isinstance(s, TextShape)]
         width = max(width, *ends)
-        height += LEGEND_HEIGHT
+        height += max(s.y for s in legend.shapes if isinstance(s, TextShape)) - sheet.height + 10.0
         groups.append(legend)
     wide = width + 2 * margin
     return Drawing(picture.title, wide, height, margin, groups, top)
@@ -116,6 +119,7 @@ class _Painter:
         self.sheet = sheet
         self.picture = sheet.picture
         self.palette = Palette(sheet.picture)
+        self.has_ports = "ports" in sheet.picture.detail
 
     def title(self) -> Group:
         """The graph's name, above everything."""
@@ -201,21 +205,27 @@ class _Painter:
         middle = placement.x + placement.width / 2
         yield Rect(
             *(placement.x, placement.y, placement.width, placement.height, 7.0),
-            GHOST_FILL if is_out else self.palette.tints[box.rate],
+            self.palette.box(box),
             GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
         )
         ink, soft = (GHOST, GHOST) if is_out else (INK, SOFT)
-        yield TextShape(middle, placement.y + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
-        yield TextShape(middle, placement.y + 30, box.type, TYPE_SIZE, soft, "middle")
-        yield from self.value_of(box, placement, ink)
-        bottom = placement.y + placement.height - 7
-        yield TextShape(middle, bottom, box.fate or box.rate, LABEL_SIZE, soft, "middle")
+        free = 0.0
+        if not self.has_ports:
+            free = (placement.height - header_height(box) - footer_height(box)) / 2
+        top, bottom = placement.y + free, placement.y + placement.height - free
+        yield TextShape(middle, top + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
+        if box.type:
+            yield TextShape(middle, top + 30, box.type, TYPE_SIZE, soft, "middle")
+        yield from self.value_of(box, middle, top + header_height(box), ink)
+        if box.fate or box.rate:
+            text = box.fate or box.rate
+            yield TextShape(middle, bottom - 7, text, LABEL_SIZE, soft, "middle")
 
-    def value_of(self, box: Box, placement: BoxPlacement, ink: str) -> Iterator[Shape]:
-        """A block's value, of two lines a fraction."""
-        middle, y = placement.x + placement.width / 2, placement.y + 45.0
+    def value_of(self, box: Box, middle: float, bottom: float, ink: str) -> Iterator[Shape]:
+        """A block's value, of two lines a fraction, above a height."""
+        y = bottom - VALUE * (1 + box.value.count("\n")) + 9.0
         lines = box.value.split("\n") if box.value else []
         for i, line in enumerate(lines):
             yield TextShape(middle, y + VALUE * i, line, VALUE_SIZE, ink, "middle")
@@ -231,7 +241,7 @@ class _Painter:
         ink = GHOST if is_out else INK
         yield Rect(
             *(placement.x, top, size, size, size / 2),
-            GHOST_FILL if is_out else self.palette.tints[box.rate],
+            self.palette.box(box),
             GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
@@ -242,33 +252,64 @@ class _Painter:
             y = placement.inputs[port]
             x = placement.x + _inset(placement, y) + 4
             yield TextShape(x, y + 4, sign, NAME_SIZE, ink, bold=sign == MINUS)
+        for port in box.probed:
+            y = placement.outputs[port]
+            yield _diamond(placement.x + size - _inset(placement, y), y)
 
     def ports_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         ink = GHOST if box.fate else PORT_INK
         for port, y in placement.inputs.items():
             is_open = port in box.open
-            yield TextShape(placement.x + 7, y + 3, port, PORT_SIZE, SOFT if is_open else ink)
+            if self.has_ports:
+                yield TextShape(placement.x + 7, y + 3, port, PORT_SIZE, SOFT if is_open else ink)
             if is_open:
-                yield Rect(placement.x - 3, y - 3, 6.0, 6.0, 3.0, CONSTANT_TINT, BORDER)
+                yield _ring(placement.x, y)
+        right = placement.x + placement.width
         for port, y in placement.outputs.items():
-            right = placement.x + placement.width
-            yield TextShape(right - 7, y + 3, port, PORT_SIZE, ink, "end")
+            if self.has_ports:
+                yield TextShape(right - 7, y + 3, port, PORT_SIZE, ink, "end")
+            if port in box.probed:
+                yield _diamond(right, y)
 
-    def legend(self) -> Group | None:
-        """The meaning of the tints; None if all boxes have the same."""
-        entries = [(rate, tint, BORDER) for rate, tint in self.palette.tints.items()]
-        fates = sorted({box.fate for box in self.picture.boxes.values() if box.fate})
-        entries += [(fate, GHOST_FILL, GHOST) for fate in fates]
-        if len(entries) < 2:
+    def legend(self, width: float) -> Group | None:
+        """The meaning of tints and marks, in rows of a width; None if there are none."""
+        boxes = self.picture.boxes.values()
+        tints = [(rate, tint, BORDER) for rate, tint in self.palette.tints.items()]
+        tints += [(fate, GHOST_FILL, GHOST) for fate in sorted({b.fate for b in boxes if b.fate})]
+        samples: list[tuple[str, Callable[[float, float], Shape]]] = []
+        if len(tints) > 1:
+            samples = [(text, partial(_sample, fill=f, stroke=s)) for text, f, s in tints]
+        samples += [("recorded", _diamond)] * any(box.probed for box in boxes)
+        samples += [("unconnected", _ring)] * any(box.open for box in boxes)
+        if not samples:
             return None
-        x, y = 0.0, self.sheet.height + LEGEND_HEIGHT - 10
+        x, y = 0.0, self.sheet.height + LEGEND_GAP
         shapes: list[Shape] = []
-        for text, fill, stroke in entries:
-            dashed = stroke == GHOST
-            shapes.append(Rect(x, y - 9, 16.0, 11.0, 3.0, fill, stroke, dashed=dashed))
-            shapes.append(TextShape(x + 22, y, text, TYPE_SIZE, SOFT))
-            x += 22 + text_width(text, TYPE_SIZE) + 18
+        for text, sample in samples:
+            wide = 22 + text_width(text, TYPE_SIZE)
+            if x and x + wide > width:
+                x, y = 0.0, y + LEGEND_ROW
+            shapes += [sample(x + 8.0, y - 3.5), TextShape(x + 22, y, text, TYPE_SIZE, SOFT)]
+            x += wide + 18
         return Group("legend", "", "", shapes)
+
+
+def _sample(x: float, y: float, fill: str, stroke: str) -> Shape:
+    """A small box around a point, with the look of boxes."""
+    return Rect(x - 8.0, y - 5.5, 16.0, 11.0, 3.0, fill, stroke, dashed=stroke == GHOST)
+
+
+def _ring(x: float, y: float) -> Shape:
+    """The mark of an input that keeps its default."""
+    return Rect(x - 3.0, y - 3.0, 6.0, 6.0, 3.0, CONSTANT_TINT, BORDER)
+
+
+def _diamond(x: float, y: float) -> Shape:
+    """The mark of an output that a probe records."""
+    ends = ((x + 4.5, y), (x, y + 4.5), (x - 4.5, y))
+    return CurveShape(
+        (("M", ((x, y - 4.5),)), *(("L", (end,)) for end in ends), ("Z", ())), fill=INK
+    )
 
 
 def _inset(placement: BoxPlacement, y: float) -> float:
@@ -282,7 +323,9 @@ class Palette:
     """The colours of one picture; ``tints`` maps the rate of a block to its box's colour."""
 
     def __init__(self, picture: Picture) -> None:
-        rates = {box.rate: box.period for box in picture.boxes.values() if not box.fate}
+        rates = {
+            box.rate: box.period for box in picture.boxes.values() if box.rate and not box.fate
+        }
         self.tints: dict[str, str] = {}
         if CONTINUOUS in rates:
             self.tints[CONTINUOUS] = CONTINUOUS_TINT
@@ -294,6 +337,9 @@ class Palette:
         kinds = {_family(net) for net in picture.nets}
         others = sorted(kinds - TYPE_COLOURS.keys() - {""})
         self._colours = TYPE_COLOURS | dict(zip(others, cycle(OTHER_COLOURS), strict=False))
+
+    def box(self, box: Box) -> str:
+        return GHOST_FILL if box.fate else self.tints.get(box.rate, CONSTANT_TINT)
 
     def wire(self, net: Net) -> str:
         return GHOST if net.is_ghost else self._colours.get(_family(net), INK)

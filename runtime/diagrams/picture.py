@@ -7,18 +7,22 @@ boxes "u" and "g" and one net from ("u", "out") to ("g", "input"); nothing has a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from blocks.core import SignalType
+from blocks.core import SignalType, hint
 from blocks.generic import Sum
 from runtime.diagrams.values import value_text
 from runtime.document import rate_text
+from runtime.errors import UsageError
 from runtime.network import Endpoint, Network, NetworkEntry, Wire, component_type
+from runtime.observation import Probe
 
 CONSTANT, CONTINUOUS = "constant", "continuous"
 MINUS = "−"
 FATES = {"without": "removed", "bypass": "bypassed"}
+# What a diagram can show beside names and wires: types of blocks, types of signals, ...
+DETAILS = ("blocks", "types", "rates", "ports", "values", "probes")
 
 
 @dataclass
@@ -28,8 +32,9 @@ class Box:
     ``rate`` says how often: a frequency, "constant", or "continuous" for a block that a solver
     evaluates between ticks. ``fate`` is "removed" or "bypassed" for a block that does not run, else
     empty; ``part`` is the full name of the part that it belongs to. ``inputs`` and ``outputs`` are
-    the wired ports, and the inputs in ``open``, which keep their default. ``signs`` are those of
-    the terms of a Sum, which is drawn as a circle. ``value`` is what ``values.py`` says of it.
+    the wired ports, the inputs in ``open``, which keep their default, and the outputs in
+    ``probed``, which a probe records. ``signs`` are those of the terms of a Sum, which is drawn as
+    a circle. ``value`` is what ``values.py`` says of it.
     """
 
     name: str
@@ -45,6 +50,7 @@ class Box:
     signs: dict[str, str] = field(default_factory=dict)
     open: list[str] = field(default_factory=list)
     value: str = ""
+    probed: list[str] = field(default_factory=list)
 
     @property
     def is_sum(self) -> bool:
@@ -77,13 +83,43 @@ class Part:
 
 @dataclass
 class Picture:
-    """All that a diagram shows; without ``has_types``, wires are not labelled."""
+    """All that a diagram shows: of ``DETAILS``, what is in ``detail``."""
 
     title: str
     boxes: dict[str, Box]
     parts: dict[str, Part]
     nets: list[Net]
-    has_types: bool = True
+    detail: frozenset[str] = frozenset(DETAILS)
+
+    def only(self, detail: Iterable[str]) -> Picture:
+        """The same diagram with less detail.
+
+        Raises
+        ------
+        UsageError : no detail has such a name.
+        """
+        shown = frozenset(detail)
+        for name in sorted(shown - set(DETAILS)):
+            known = hint(name, DETAILS) or f", expected {', '.join(DETAILS)}"
+            raise UsageError(f"no detail '{name}'{known}")
+        wired = {net.source for net in self.nets}
+        boxes = {}
+        for name, box in self.boxes.items():
+            outputs = box.outputs
+            # An end that nothing is wired to says nothing without its name.
+            if not {"probes", "ports"} <= shown:
+                outputs = [port for port in outputs if (name, port) in wired]
+            boxes[name] = replace(
+                box,
+                type=box.type if "blocks" in shown else "",
+                rate=box.rate if "rates" in shown else "",
+                value=box.value if "values" in shown else "",
+                inputs=[p for p in box.inputs if "ports" in shown or p not in box.open],
+                open=box.open if "ports" in shown else [],
+                outputs=outputs,
+                probed=[p for p in box.probed if "probes" in shown and p in outputs],
+            )
+        return replace(self, boxes=boxes, detail=shown)
 
     @cached_property
     def drivers(self) -> dict[tuple[str, str], list[Net]]:
@@ -96,7 +132,7 @@ class Picture:
 
     def label(self, net: Net) -> str:
         """The type of a net, where it is not that of a wire into the same block."""
-        if not self.has_types:
+        if "types" not in self.detail:
             return ""
         name = net.source[0]
         before = {
@@ -133,8 +169,11 @@ class Picture:
         return all(box.fate for box in inside)
 
 
-def picture_of(network: Network) -> Picture:
-    """Collect what a network's diagram shows; removed blocks keep their position in the order."""
+def picture_of(network: Network, probes: Iterable[Probe] = ()) -> Picture:
+    """Collect what a network's diagram shows; removed blocks keep their position in the order.
+
+    The outputs that ``probes`` record are marked, and drawn also where nothing is wired to them.
+    """
     entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
     # In the order in which the author wrote the blocks, removed ones included: the layout breaks
@@ -156,6 +195,7 @@ def picture_of(network: Network) -> Picture:
         _add_port(boxes[net.source[0]].outputs, net.source[1])
         for name, port in net.targets:
             _add_port(boxes[name].inputs, port)
+    _mark_probes(boxes, probes)
     for name, box in boxes.items():
         spec = entries[name].cls.spec
         if not box.fate:
@@ -167,6 +207,20 @@ def picture_of(network: Network) -> Picture:
         box.signs = _signs(entries[name], box)
         box.outputs.sort(key=_declaration_order(spec.outputs))
     return Picture(network.title, boxes, parts, nets)
+
+
+def _mark_probes(boxes: dict[str, Box], probes: Iterable[Probe]) -> None:
+    """Mark the outputs that are recorded; states and the tuning of neurons are not outputs."""
+    for probe in probes:
+        for signal in probe.signals:
+            end = signal.end
+            if signal.is_state or signal.is_event or signal.publisher or end.block not in boxes:
+                continue
+            box = boxes[end.block]
+            component = f"{end.port}.{end.component}"
+            port = component if component in box.outputs else end.port
+            _add_port(box.outputs, port)
+            _add_port(box.probed, port)
 
 
 def _box(network: Network, entry: NetworkEntry) -> Box:

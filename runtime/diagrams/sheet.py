@@ -22,7 +22,8 @@ from runtime.diagrams.shapes import text_width
 
 NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE, VALUE_SIZE = 13.0, 10.0, 9.5, 9.0, 11.0
 VALUE = 16  # height of a line of a value, below the type
-HEADER, ROW, FOOTER, MARGIN = 36, 16, 20, 10
+NAME, TYPE, ROW, FOOTER, MARGIN = 23, 13, 16, 20, 10
+BARE_FOOTER = 6  # without a rate
 MIN_WIDTH = 84
 # A Sum is a circle below its name.
 CIRCLE, CIRCLE_TOP = 34.0, 20.0
@@ -77,7 +78,8 @@ class _Level:
 
 def lay_out(picture: Picture, width: float | None = None) -> Sheet:
     """Lay out all boxes, frames and wires of a picture; in rows of a width (points), if given."""
-    cells = {name: _box_cell(box) for name, box in picture.boxes.items()}
+    has_ports = "ports" in picture.detail
+    cells = {name: _box_cell(box, has_ports) for name, box in picture.boxes.items()}
     levels: dict[str, _Level] = {}
     # The deepest parts first: the size of a part's cell is that of its finished layout.
     for part in sorted(picture.parts, key=lambda name: -name.count(".")):
@@ -124,26 +126,29 @@ def _sum_cell(box: Box) -> Cell:
     return Cell(box.name, math.ceil(size), height, box.inputs[:], box.outputs[:], ins, outs, True)
 
 
-def _box_cell(box: Box) -> Cell:
+def _box_cell(box: Box, has_ports: bool) -> Cell:
     if box.is_sum:
         return _sum_cell(box)
-    inside = [text_width(pin, PORT_SIZE) for pin in box.inputs]
-    outside = [text_width(pin, PORT_SIZE) for pin in box.outputs]
+    inside = [text_width(pin, PORT_SIZE) if has_ports else 0.0 for pin in box.inputs]
+    outside = [text_width(pin, PORT_SIZE) if has_ports else 0.0 for pin in box.outputs]
     width = max(
-        MIN_WIDTH,
+        MIN_WIDTH if has_ports else 0.0,
         text_width(box.title, NAME_SIZE, bold=True) + 2 * MARGIN,
         text_width(box.type, TYPE_SIZE) + 2 * MARGIN,
         *(text_width(line, VALUE_SIZE) + 2 * MARGIN for line in box.value.split("\n")),
         max(inside, default=0.0) + max(outside, default=0.0) + 3 * MARGIN,
     )
-    rows = max(len(inside), len(outside))
-    header = header_height(box)
+    ports = ROW * max(len(inside), len(outside))
+    # Without names of ports, wires end beside the text and not below it.
+    height: float = header_height(box) + ports + footer_height(box)
+    middle = header_height(box) + ports / 2
+    if not has_ports:
+        height = max(header_height(box) + footer_height(box), ports + 8.0)
+        middle = height / 2
 
     def heights(count: int) -> list[float]:
-        first = header + ROW / 2 + (rows - count) * ROW / 2
-        return [first + ROW * i for i in range(count)]
+        return [middle + ROW * (i - (count - 1) / 2) for i in range(count)]
 
-    height = header + ROW * rows + FOOTER
     sides = heights(len(inside)), heights(len(outside))
     name = box.name
     return Cell(
@@ -160,7 +165,13 @@ def _box_cell(box: Box) -> Cell:
 
 def header_height(box: Box) -> int:
     """The height of a box above its ports: name, type and value."""
-    return HEADER + (VALUE * (1 + box.value.count("\n")) if box.value else 0)
+    value = VALUE * (1 + box.value.count("\n")) if box.value else 0
+    return NAME + (TYPE if box.type else 0) + value
+
+
+def footer_height(box: Box) -> int:
+    """The height of a box below its ports."""
+    return FOOTER if box.fate or box.rate else BARE_FOOTER
 
 
 def _child(level: str, box: Box) -> str | None:

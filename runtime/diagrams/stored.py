@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -17,6 +17,7 @@ from runtime.diagrams.picture import CONSTANT, FATES, MINUS, Box, Net, Part, Pic
 from runtime.document import SECOND, rate_text
 from runtime.files import NUMBER, check_form
 from runtime.network import Network
+from runtime.observation import Probe
 
 SCHEMA_VERSION = 1
 # A folder may come from anyone, and the time of a layout grows faster than its size.
@@ -32,11 +33,11 @@ _NET = {"source": [str], "targets": [[str]], "type": str, "is_ghost": bool, "nee
 _PICTURE = {"title": str, "boxes": [_BOX], "parts": [_PART], "nets": [_NET]}
 
 
-def stored_picture(network: Network) -> str | None:
+def stored_picture(network: Network, probes: Iterable[Probe] = ()) -> str | None:
     """A network's diagram as JSON; None if it is too large to be drawn in a report."""
     if len(network.entries) + len(network.removed_entries) > MAX_BOXES:
         return None
-    picture = picture_of(network)
+    picture = picture_of(network, probes)
     wires = sum(len(net.targets) for net in picture.nets)
     if wires > MAX_WIRES:
         return None
@@ -109,8 +110,10 @@ def _box(entry: Mapping[str, Any]) -> Box:
     check_form({"value": box.value}, {"value": str}, longest=MAX_LENGTH)
     box.open = entry.get("open", [])
     check_form(box.open, [str])
-    if not set(box.open) <= set(box.inputs):
-        raise ValueError("boxes: expected open inputs among the inputs")
+    box.probed = entry.get("probed", [])
+    check_form(box.probed, [str])
+    if not (set(box.open) <= set(box.inputs) and set(box.probed) <= set(box.outputs)):
+        raise ValueError("boxes: expected open inputs among the inputs, probed among the outputs")
     for ports in (box.inputs, box.outputs):
         _check_distinct(ports, "inputs and outputs")
     return box

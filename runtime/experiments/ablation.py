@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from runtime.diagrams import diagram, stored_picture
+from runtime.diagrams import stored_picture
 from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
@@ -203,8 +203,8 @@ def _draw_diagrams(plan: ExperimentPlan, folder: Path) -> None:
     with system_errors(f"write '{target}'"):
         own_folder(target)
         for variant in plan.variants:
-            network = variant.graph.network
-            write_whole(target / f"{variant.slug}.svg", str(diagram(network, "svg")))
-            picture = stored_picture(network)
+            graph = variant.graph
+            write_whole(target / f"{variant.slug}.svg", str(graph.diagram("svg")))
+            picture = stored_picture(graph.network, graph.observation.probes.values())
             if picture is not None:
                 write_whole(target / f"{variant.slug}.json", picture)

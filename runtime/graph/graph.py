@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -385,11 +385,21 @@ class Graph(Runnable):
     def __repr__(self) -> str:
         return f"<Graph '{self.document.plain().get('graph')}': {', '.join(self.names)}>"
 
-    def diagram(self, format: str = "svg") -> str | bytes:
-        """The block diagram as svg, png, pdf, dot or mermaid."""
+    def diagram(
+        self,
+        format: str = "svg",
+        paper: float | None = None,
+        detail: Iterable[str] | None = None,
+    ) -> str | bytes:
+        """The block diagram as svg, png, pdf, tikz, dot or mermaid.
+
+        ``paper`` is the width of a column (points), for a diagram in rows; ``detail`` is what it
+        shows beside names and wires, of "blocks", "types" (of signals), "rates", "ports", "values"
+        and "probes". Both are for svg, png, pdf and tikz.
+        """
         from runtime.diagrams import diagram
 
-        return diagram(self.network, format)
+        return diagram(self.network, format, paper, self.observation.probes.values(), detail)
 
     def _repr_svg_(self) -> str | None:
         """The diagram for a notebook; None, for which it shows the text, if there is none."""

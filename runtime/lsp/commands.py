@@ -65,7 +65,8 @@ def _diagram(session: Session, uri: str) -> dict[str, str]:
         first = model.problems[0].text if model.problems else "there is no graph here"
         return {"error": f"no diagram: {first}"}
     try:
-        return {"svg": str(diagram(network, "svg"))}
+        probes = model.observation.probes.values() if model.observation is not None else ()
+        return {"svg": str(diagram(network, "svg", probes=probes))}
     except SpikeblocksError as error:
         return {"error": str(error)}
 

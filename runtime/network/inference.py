@@ -15,7 +15,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType
+from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType, Vector
 from runtime.errors import NOWHERE, Problems
 from runtime.network.addresses import relative
 from runtime.network.components import component_type, unknown_component
@@ -268,6 +268,11 @@ class _Inference:
             cast[root(voter)][kind].append(why)
         for variable in list(groups):
             kinds = cast[root(variable)]
+            # They fit each other, and which lengths are known by now may depend on what was
+            # checked before: [join.out, a.value] is Scalar whether join.out is a Vector(n) as yet
+            # or the Vector(1) that it turns out to be.
+            if Scalar in kinds:
+                kinds[Scalar] += kinds.pop(Vector(1), [])
             if kinds:
                 # Of equals, max returns the first: the wire that is written first.
                 winner = max(kinds, key=lambda kind: len(kinds[kind]))

@@ -287,7 +287,7 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
-    diagram = stored_picture(graph.network)
+    diagram = stored_picture(graph.network, graph.program.observation.probes.values())
     return (texts if diagram is None else {**texts, DIAGRAM: diagram}), contents(files, read)
 
 

@@ -44,6 +44,17 @@ ROOM = {"room": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "circles": [[1.5, 1.0, 0.3
 # Called from Python under either engine, with seconds of physics, or a file: nothing to compare.
 LEFT_OUT = {"FMU", "ModelExchangeFMU", "MujocoVacuum"}
 SWITCHES = ("Enable", "Trigger")  # they need a part around them
+# How many numbers go into their inputs, as their matrices in ``REQUIRED`` say.
+COUNTS: dict[str, dict[str, int]] = {
+    "KalmanFilter": {"measurement": 1, "stamp": 1},
+    "ExtendedKalmanFilter": {"measurement": 1, "control": 1, "stamp": 1},
+    "SteadyStateKalman": {"measurement": 2, "control": 2},
+    "DiscreteSteadyStateKalman": {"measurement": 2, "control": 2},
+    "LinearDisturbanceObserver": {"measurement": 1, "control": 1},
+    "LinearQuadraticRegulator": {"states": 2},
+    "LinearMPC": {"states": 2},
+    "LinearL1": {"states": 2},
+}
 SIZES: dict[str, int] = {"samples": 150, "beams": 24, "neurons": 8, "wall_points": 20}
 # Blocks that give a signal of a type from nothing, or from what can be had from nothing.
 SOURCES: dict[str, tuple[str, str]] = {
@@ -134,9 +145,9 @@ class Grower:
                 continue
             if declared.optional and port in ("error", "post") and "learning" not in entry:
                 continue
-            if port == "control" and kind.endswith("KalmanFilter") and "B" not in entry:
+            if port == "control" and port not in COUNTS.get(kind, {"control": 1}):
                 continue
-            if isinstance(kind_of, Same) and kind.endswith("KalmanFilter"):
+            if isinstance(kind_of, Same) and kind in COUNTS:
                 wanted = Scalar
             elif isinstance(kind_of, Same):
                 wanted = variables.setdefault(kind_of.variable, self.some_type())
@@ -149,8 +160,7 @@ class Grower:
                 wanted = kind_of
             if declared.variadic:
                 number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
-                if kind.endswith("KalmanFilter"):
-                    number = 1  # as many as their matrices say
+                number = COUNTS.get(kind, {}).get(port, number)
                 wires[port] = [self.output_of(wanted) for _ in range(number)]
                 if declared.spread:
                     lengths[declared.spread] = number
@@ -208,10 +218,9 @@ class Grower:
             elif declared.required and declared.kind == "float":
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
         for name, value in REQUIRED.get(cls.__name__, {}).items():
-            # What describes a filter's measurement may be among several, and is not required.
-            needed = cls.spec.params[name].required or cls.__name__.endswith("KalmanFilter")
-            if needed and name not in found:
-                found[name] = value
+            # A Decoder's weights are for one size of population, and it has others without.
+            if cls.spec.params[name].required or cls.__name__ in COUNTS:
+                found.setdefault(name, value)
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
             found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
         if cls.__name__ == "AlgebraicConstraint":
@@ -220,6 +229,10 @@ class Grower:
             found["learning"] = {"rule": "pes", "learning_rate": 1e-3}
         if "low" in found and "high" in found:
             found["low"], found["high"] = sorted((found["low"], found["high"]))
+        if cls.__name__ == "Broadcast":
+            found["n"] = self.small()
+        if cls.__name__ == "Butterworth" and found["band"].startswith("band"):
+            found["cutoff"] = [2.0, 5.0]
         if cls.__name__ == "WhiteSignal":
             found.update(period=1.0, high=5.0)
         if cls.__name__ == "Weights":
@@ -227,7 +240,7 @@ class Grower:
             found["weights"] = [
                 [0.1 * ((i + j) % 5 - 2) for j in range(columns)] for i in range(rows)
             ]
-        if cls.__name__ == "Ensemble":
+        if cls.__name__.endswith("Ensemble") and "neuron" in cls.spec.params:
             found.update(neuron={"type": "LIF", "tau_ref": 0.06}, max_rates="uniform(5, 12)")
         if cls.__name__ == "Constant":
             kind = given["T"]

@@ -10,10 +10,11 @@ from pathlib import Path
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show
 
-HELP = "draw the block diagram: svg, png, pdf, dot, mermaid"
+HELP = "draw the block diagram: svg, png, pdf, tikz, dot, mermaid"
 EXAMPLES = """
 runtime draw my.yaml
 runtime draw my.yaml --without adaptive --width 89mm -o figure.pdf
+runtime draw my.yaml --width 89mm --detail blocks,values -o figure.tex
 """
 
 
@@ -24,13 +25,20 @@ def add(parser: ArgumentParser) -> None:
         "-o", "--out", metavar="FILE", help="file to write (<graph>.svg); - is stdout"
     )
     parser.add_argument(
-        "--format", metavar="F", help="svg, png, pdf, dot or mermaid (by the file's suffix)"
+        "--format", metavar="F", help="svg, png, pdf, tikz, dot or mermaid (by the file's suffix)"
     )
     parser.add_argument(
         "--width",
         type=_points,
         metavar="LENGTH",
-        help="fit it on paper, in rows with type of 7 points: 89mm, 3.5in, 252pt; svg, png, pdf",
+        help="fit it on paper, in rows with type of 7 points: 89mm, 3.5in, 252pt",
+    )
+    parser.add_argument(
+        "--detail",
+        type=_details,
+        metavar="LIST",
+        help="what to show beside names and wires: none, or some of blocks (their types), "
+        "types (of signals), rates, ports, values, probes; all, with --width all but types",
     )
 
 
@@ -49,17 +57,21 @@ def _points(text: str) -> float:
     return length
 
 
+def _details(text: str) -> list[str]:
+    """The names in a list; their spelling is checked where they are known."""
+    return [] if text == "none" else [name.strip() for name in text.split(",")]
+
+
 def run(options: Namespace) -> int:
     """Write the block diagram."""
-    from runtime.diagrams import diagram, format_of
+    from runtime.diagrams import format_of
     from runtime.files import system_errors
 
     graph = changed_graph(options.graph, options)
-    network = graph.network
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
     suffix = "svg" if written == "-" else Path(written).suffix.lstrip(".")
     kind = options.format or format_of(suffix)
-    drawn = diagram(network, kind, options.width)
+    drawn = graph.diagram(kind, options.width, options.detail)
     content = drawn.encode() if isinstance(drawn, str) else drawn
     if written == "-":
         sys.stdout.buffer.write(content)

@@ -131,7 +131,7 @@ def _create(plan: ExperimentPlan, folder: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
         _write_bundle(plan.bundle, partial)
-        picture = stored_picture(plan.graph.network)
+        picture = stored_picture(plan.graph.network, plan.graph.observation.probes.values())
         if picture is not None:
             (partial / DIAGRAM).write_text(picture, encoding="utf-8")
         for variant in plan.variants:

@@ -128,11 +128,11 @@ def test_a_variant_of_another_graph_is_refused_its_modules_too(cli: Run, own: Pa
 
 
 def test_a_diagram_is_drawn_from_what_the_folder_holds(own: Path) -> None:
-    network = runtime.load("line_actuator_failure").network
-    text = stored_picture(network)
+    graph = runtime.load("line_actuator_failure")
+    text = stored_picture(graph.network, graph.observation.probes.values())
     assert text is not None
     again = to_svg(draw(read_picture(text)))
-    assert again == runtime.load("line_actuator_failure").diagram()
+    assert again == graph.diagram()
     (own / DIAGRAM).unlink()
     assert "This folder has no diagram" in report(own).html
 

@@ -208,6 +208,20 @@ def test_decoders_add_up_spikes_in_the_same_order(data: st.DataObject) -> None:
     assert decode_each(weights, spikes, groups).tobytes() == np.array(alone).tobytes()
 
 
+def test_groups_that_are_few_neurons_each_are_stepped_as_alone() -> None:
+    """Two groups of 160: 320 neurons are stepped as many, 160 would be as few."""
+    given = {"type": "Ensemble", "neurons": 160, "dimensions": 2, "groups": 2}
+    graph = runtime.load(
+        {
+            "run": {"dt": 0.001, "until": 0.04, "seed": 3},
+            "blocks": {"a": given, "b": given, "drive": {"type": "Constant", "value": [0.3, 0.1]}},
+            "wires": {"a": {"input": "drive.value"}},
+            "probes": {"a": "a.spikes", "b": "b.spikes"},
+        }
+    )
+    assert_same_bits(graph)
+
+
 class Fire(blocks.Block):
     """A vector as spikes, too large from a time on: two decoders with it between are a path."""
 
