@@ -15,7 +15,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import evidence  # noqa: E402
 import site_pages  # noqa: E402
-from block_links import link_blocks  # noqa: E402
+from block_links import link_blocks, set_equations  # noqa: E402
 from docstrings import with_fields  # noqa: E402
 from docutils import nodes  # noqa: E402
 from sphinx.application import Sphinx  # noqa: E402
@@ -82,6 +82,7 @@ def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-docstring", changed)
     app.connect("source-read", completed)
     app.connect("doctree-resolved", link_blocks)
+    app.connect("doctree-read", lambda app, tree: set_equations(tree))
     app.connect("html-page-context", describe)
     app.connect("html-page-context", name_sections, priority=900)  # after the theme
 

@@ -159,7 +159,8 @@ def describe_markdown(cls: type[Block]) -> str:
         else:
             lines += [line for text in together for line in (_prose(text), "")]
     for title, rows in _tables(cls):
-        lines += [f"| {title} | | | |", "|---|---|---|---|"]
+        heads = "expected | default" if title == "parameters" else "type | unit"
+        lines += [f"| {title} | {heads} | meaning |", "|---|---|---|---|"]
         for name, kind, default, text in rows:
             cells = (f"`{name}`", kind, f"`{default}`" if default else "", text)
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
@@ -176,7 +177,7 @@ def settings_markdown(known: Mapping[str, type[Block]]) -> str:
     for setting, users in settings(known).items():
         places = ", ".join(f"`{user}`" for user in users)
         lines += [f"## {setting.__name__}", "", f"For {places}: {setting.expected}.", ""]
-        lines += ["| form | parameters, with defaults | |", "|---|---|---|"]
+        lines += ["| form | parameters, with defaults | meaning |", "|---|---|---|"]
         for form, given, _, doc in forms(setting):
             cells = (f"`{form}`", f"`{given}`" if given else "", doc)
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")

@@ -170,9 +170,7 @@ class Param:
             raise ValueError(
                 f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
             )
-        if self.kind in ("float", "int", "array") and not self._within(
-            np.asarray(converted, float)
-        ):
+        if self.kind in ("float", "int", "array") and not self._within(converted):
             raise ValueError(f"expected {self.describe()}, got {show(value)}")
         if isinstance(converted, np.ndarray):
             converted.setflags(write=False)
@@ -191,14 +189,20 @@ class Param:
             return f"; in degrees, it is {match[1]}deg{self.unit.removeprefix('rad')}"
         return f"; write the number alone, in {self.unit}"
 
-    def _within(self, numbers: FloatArray) -> bool:
-        if np.isnan(numbers).any() or (self.finite and not np.isfinite(numbers).all()):
+    def _within(self, numbers: Any) -> bool:
+        if not isinstance(numbers, np.ndarray):
+            low = high = float(numbers)
+        elif numbers.size:
+            low, high = float(numbers.min()), float(numbers.max())  # NaN if one of them is
+        else:
+            return True
+        if math.isnan(low) or (self.finite and (math.isinf(low) or math.isinf(high))):
             return False
-        return bool(
-            (self.above is None or np.all(numbers > self.above))
-            and (self.at_least is None or np.all(numbers >= self.at_least))
-            and (self.below is None or np.all(numbers < self.below))
-            and (self.at_most is None or np.all(numbers <= self.at_most))
+        return (
+            (self.above is None or low > self.above)
+            and (self.at_least is None or low >= self.at_least)
+            and (self.below is None or high < self.below)
+            and (self.at_most is None or high <= self.at_most)
         )
 
     def fits(self, value: FloatArray, sizes: dict[str, int]) -> bool:

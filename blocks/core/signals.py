@@ -139,15 +139,13 @@ class SignalType:
 
         # isinstance and not a conversion: np.float64 is a float, np.float32 and arrays without axes
         # are not, and would change the arithmetic of whatever reads them.
-        def is_number(part: object) -> bool:
-            whole = not exact and isinstance(part, int) and not isinstance(part, bool)
-            return whole or isinstance(part, float)
-
+        kinds = (float,) if exact else (float, int)
         if self.form == "scalar":
-            return is_number(value)
+            return isinstance(value, kinds) and not isinstance(value, bool)
         if self.form == "record":
-            held = value if isinstance(value, tuple) else ()
-            return len(held) == len(self.components) and all(map(is_number, held))
+            if not isinstance(value, tuple) or len(value) != len(self.components):
+                return False
+            return all(isinstance(x, kinds) and not isinstance(x, bool) for x in value)
         if not isinstance(value, np.ndarray):
             return False
         return bool(value.dtype == np.float64) and value.shape == self.shape

@@ -26,6 +26,7 @@ from blocks.core import (
     as_matrix,
     kernel_of,
     param,
+    show,
     times,
 )
 
@@ -136,8 +137,8 @@ class Gain(Block):
         input ─▶ [ Gain ] ─▶ out
 
     out = gain * input, each component; with a matrix of m rows and n columns, out = gain @ input,
-    a vector of m components from one of n. The gain may have a unit, so that of ``out`` is free: a
-    Gain converts between units.
+    a vector of m components from one of n. A column, such as ``ones(m, 1)``, makes a vector of one
+    number. The gain may have a unit, so that of ``out`` is free: a Gain converts between units.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
@@ -170,7 +171,11 @@ class Gain(Block):
         if self.gain.ndim == 1 and self.gain.shape != kind.shape:
             expected = f"a number or {kind.numbers}" if kind.shape else "a number"
             message = f"expected {expected} for {kind}, got {self.gain.tolist()}"
-            message += as_matrix(self.gain, self.spec.params["gain"])
+            if kind.shape:
+                message += as_matrix(self.gain, self.spec.params["gain"])
+            else:
+                column = show([[factor] for factor in self.gain.tolist()])
+                message += f"; one number times each is a column, gain: {column}"
             raise ParameterError([("gain", message)])
 
     def start(self, state: BlockState) -> None:

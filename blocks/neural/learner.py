@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from functools import cached_property
 from itertools import pairwise
 from typing import final
 
@@ -79,7 +80,7 @@ class Learner(Block, ABC):
         (-1.0, 0.9), below=1.0, shape=(2,), doc="range of the inputs where firing sets in"
     )
 
-    @property
+    @cached_property
     def model(self) -> LIF:
         """The neurons, or those that this learner replaces."""
         return LIF(tau_rc=self.tau_rc, tau_ref=self.tau_ref)

@@ -40,6 +40,11 @@ def independent(step: NeuronStep) -> NeuronStep:
     return step
 
 
+@lru_cache(32)  # asked for with each model that is constructed, and slow
+def _arguments(step: Callable[..., None]) -> list[str]:
+    return list(inspect.signature(step).parameters)
+
+
 class NeuronModel(Variant, root=True, registry="neurons"):
     """A neuron model; a subclass declares parameters, ``step`` and, if possible, ``rates``.
 
@@ -57,7 +62,7 @@ class NeuronModel(Variant, root=True, registry="neurons"):
     def wrong(self) -> list[tuple[str, str]]:
         """Why the class itself is no neuron model."""
         step, name = inspect.getattr_static(type(self), "step", None), type(self).__name__
-        taken = list(inspect.signature(type(self).step).parameters) if step is not None else []
+        taken = _arguments(type(self).step) if step is not None else []
         if isinstance(step, staticmethod) and taken in (STEP, [*STEP, "rng"]):
             return []
         written = "has none" if step is None else f"has step({', '.join(taken)})"
@@ -74,7 +79,7 @@ class NeuronModel(Variant, root=True, registry="neurons"):
     @property
     def draws(self) -> bool:
         """Whether the step takes random numbers."""
-        return len(inspect.signature(type(self).step).parameters) > len(STEP)
+        return len(_arguments(type(self).step)) > len(STEP)
 
     @property
     def emission(self) -> str:

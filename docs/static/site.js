@@ -18,7 +18,7 @@ document.addEventListener("DOMContentLoaded", () => {
   // A table that is wider than the page scrolls, by keyboard as well.
   for (const frame of document.querySelectorAll(".table-wrapper")) {
     frame.tabIndex = 0;
-    frame.setAttribute("role", "region");
+    frame.setAttribute("role", "group");
     frame.setAttribute("aria-label", frame.querySelector("caption")?.textContent ?? "table");
   }
   const filter = document.querySelector("#filter");

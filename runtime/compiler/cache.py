@@ -94,7 +94,7 @@ def translation(
         return _found(made, state, terms, records, "")
     key = (type(made), signature)
     known = records.translations.get(key)
-    if known is None or not known.fields.fit(made, state):
+    if known is None or known.fields.fitting(made, state) is None:
         stored = is_built_in(type(made))
         name = f"translation_{digest(salt(), signature)}.json" if stored else ""
         known = records.translations[key] = _found(made, state, terms, records, name)
@@ -112,7 +112,7 @@ def _found(
         constants = {(owner, key): _restored(value) for owner, key, value in record["constants"]}
         attributes = tuple((owner, key) for owner, key in record["attributes"])
         fields = Fields(attributes, tuple(record["types"]), constants)
-        if fields.fit(made, state):
+        if fields.fitting(made, state) is not None:
             return Translation(record["methods"], fields, record["key"])
     try:
         found = _translated(made, state, terms)

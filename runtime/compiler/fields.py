@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
@@ -116,16 +117,21 @@ class Fields:
         of = {"self": made, "state": state}
         return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.attributes)
 
-    def fit(self, made: Block, state: BlockState) -> bool:
-        """Whether constants and shapes are those of this block and state."""
+    def fitting(self, made: Block, state: BlockState) -> tuple[Any, ...] | None:
+        """The values; None if constants or shapes are not those of this block and state."""
         of = {"self": made, "state": state}
-        same = all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
-        return same and type_texts(self.values(made, state)) == self.types
+        if any(getattr(of[o], name) != value for (o, name), value in self.constants.items()):
+            return None
+        values = self.values(made, state)
+        return values if type_texts(values) == self.types else None
 
 
 def type_texts(values: Iterable[Any]) -> tuple[str, ...]:
     """The types of values that are :func:`plain`, as texts."""
-    return tuple(repr(type_of(value)) for value in values)
+    return tuple(_text(type_of(value)) for value in values)
+
+
+_text = lru_cache(256)(repr)  # of few types, and asked for with each trial of an experiment
 
 
 def written(shape: tuple[int, ...]) -> tuple[int | None, ...]:

@@ -96,9 +96,9 @@ class Kernel:
         """The values of the struct in one run."""
         return self.inputs.values(block, state)
 
-    def fits(self, block: Block, state: BlockState) -> bool:
-        """Whether the constants and shapes in the text are those of this run."""
-        return self.inputs.fit(block, state)
+    def fitting(self, block: Block, state: BlockState) -> tuple[Any, ...] | None:
+        """The same; None if the constants or shapes in the text are not those of this run."""
+        return self.inputs.fitting(block, state)
 
 
 def enclosed(text: str, prefix: str, renamed: Mapping[str, str] | None = None) -> str:

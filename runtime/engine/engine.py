@@ -147,8 +147,6 @@ class Engine:
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self.namespace = self.starting.all()
-        if self.program.growing:
-            self.begun = self.state.begun()
         # Zero, as outputs of a part that is off are.
         self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
         made = None
@@ -162,6 +160,8 @@ class Engine:
 
     def _begin(self, made: CompiledPlan | None) -> Runner:
         """Let a runner begin."""
+        if self.program.growing:
+            self.begun = self.state.begun()
         if self.repeats:
             with suppress(NotCopiedError):  # then it cannot run again
                 self.first = self.state.snapshot()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from tempfile import mkdtemp
@@ -166,19 +166,14 @@ class Recorder:
         self.full = False
         self.constants_saved = False
         self._boundary: int | None = None
+        self._remove: Callable[[], object] | None = None
         self.folder: Path | None = None
-        # Each row with its time; a stream is written once more, into the run's own file.
-        size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
+        # Each row with its time.
+        self.size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
         if gathered and not (growing and folder is None):
-            self.folder = self._opened(folder, 2 * size)
-            for name in gathered:
-                path = self.folder / recording_file(name)
-                try:
-                    self.sinks[name] = Stream(path, probes[name].shape)
-                except OSError as error:
-                    raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
+            self._open(folder)
         elif folder is not None:
-            _check_room(folder.parent, size)
+            _check_room(folder.parent, self.size)
         self.dt, self.keep = dt, keep
         self._in_memory()
         # The rows of the buffer of each probe that does not fill the whole recording.
@@ -200,19 +195,41 @@ class Recorder:
                 rows = None if self.keep is None else self.probes[name].rows(self.keep)
                 self.sinks[name] = Rows(self.probes[name].shape, rows)
 
-    def begin_again(self) -> None:
-        """Forget what a run has recorded in memory, but what is constant."""
+    def begin_again(self, folder: Path | None = None) -> None:
+        """Forget what a run has recorded, but what is constant; files stay, and others begin.
+
+        Raises
+        ------
+        UsageError : the disk has no room for them.
+        """
+        self.full = self.constants_saved = False
+        self._boundary = None
+        if self.folder is not None:
+            self._open(folder)
         for name, array in self.arrays.items():
             if not self.probes[name].constant:
                 array.fill(np.nan)
         self._in_memory()
+
+    def _open(self, folder: Path | None) -> None:
+        """Begin the files."""
+        if self._remove is not None:
+            self._remove()
+        # A stream is written once more, into the run's own file.
+        self.folder = self._opened(folder, 2 * self.size)
+        for name in self.gathered:
+            path = self.folder / recording_file(name)
+            try:
+                self.sinks[name] = Stream(path, self.probes[name].shape)
+            except OSError as error:
+                raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
 
     def _opened(self, folder: Path | None, size: int) -> Path:
         try:
             if folder is None:
                 folder = Path(mkdtemp(prefix="spikeblocks-"))
                 # A mapped file stays readable after it is removed.
-                finalize(self, shutil.rmtree, folder, ignore_errors=True)
+                self._remove = finalize(self, shutil.rmtree, folder, ignore_errors=True)
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None

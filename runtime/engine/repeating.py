@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from blocks.core import Block
 from runtime.engine.engine import Engine
@@ -20,7 +21,9 @@ from runtime.engine.state import RunState, seed_of
 from runtime.errors import SimulationError
 
 
-def begin_again(engine: Engine, blocks: Mapping[str, Block], seed: int) -> bool:
+def begin_again(
+    engine: Engine, blocks: Mapping[str, Block], seed: int, folder: Path | None = None
+) -> bool:
     """Let an engine begin again; False if that takes a new engine, and this one is of no use then.
 
     Its recordings are overwritten, those in results included.
@@ -29,9 +32,14 @@ def begin_again(engine: Engine, blocks: Mapping[str, Block], seed: int) -> bool:
     ----------
     blocks : by name; those that are not the engine's have other parameters, but the structure that
         the plan was made of, and publish nothing.
+    folder : for recordings on disk, another one than before; a temporary one by default.
+
+    Raises
+    ------
+    UsageError : these cannot be written.
     """
     state, before = engine.state, engine.network
-    if engine.first is None or engine.recorder.gathered:
+    if engine.first is None:
         return False
     state.restore(engine.first)
     entries = dict(before.entries)
@@ -47,7 +55,7 @@ def begin_again(engine: Engine, blocks: Mapping[str, Block], seed: int) -> bool:
         engine.namespace[engine.program.names.blocks[name]] = entries[name].block
     for name in anew:
         _forget(state, name, entries[name].seed)
-    engine.recorder.begin_again()
+    engine.recorder.begin_again(folder)
     engine.diagnosis.begin_again()
     engine.is_checked, engine.wall_s, engine.ready_s = False, 0.0, 0.0
     try:

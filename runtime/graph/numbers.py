@@ -14,15 +14,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from blocks.core import Block, BlockContext, ParameterError, state_shape
+from blocks.core import Block, BlockContext, state_shape
 from blocks.registry import is_built_in
 from runtime.document import Node, Value, from_python, full_path, is_part
 from runtime.errors import Where
-from runtime.network import BLOCK_KEYS, Network, reconstructed
+from runtime.network import BLOCK_KEYS, Network, parameters_of
 
 
 def structure(block: Block, context: BlockContext) -> tuple[str, ...]:
@@ -34,6 +33,52 @@ def structure(block: Block, context: BlockContext) -> tuple[str, ...]:
     known = (block.sizes_in(context), block.variables, block.state_names, block.couplings(context))
     found = (*said, *known, tuple(block.crossings(context)), edges, shapes, ports)
     return tuple(map(repr, found))
+
+
+class _Varied:
+    """A block as it is constructed again and again, with other values of some parameters.
+
+    Parameters
+    ----------
+    values : that its parameters depend on, by path.
+    """
+
+    def __init__(self, network: Network, name: str, values: Mapping[str, Value]) -> None:
+        entry = network.entries[name]
+        self.network, self.entry, self.values = network, entry, values
+        params = {key: item for key, item in entry.node.items() if key in entry.cls.spec.params}
+        self.nodes = {
+            key: item for key, item in params.items() if any(_has(item, *v) for v in values.items())
+        }
+        self.context = network.context(name)
+        self.before = self._plan(entry.block)
+        rest = Node({key: item for key, item in params.items() if key not in self.nodes})
+        # Those of a block of a checked network are right. Settings, such as distributions, take
+        # longer to read than all else.
+        fixed = parameters_of(network, entry, rest) or {}
+        self.fixed = fixed | {
+            key: declared.convert(fixed.get(key, declared.default))
+            for key, declared in entry.cls.spec.params.items()
+            if declared.setting is not None and key not in self.nodes
+        }
+
+    def _plan(self, block: Block) -> object:
+        return structure(block, self.context), block.stack_key(self.context)
+
+    def block(self, values: Mapping[str, Value]) -> Block | None:
+        """The block with other values; None if one is wrong, or the plan would be another one."""
+        nodes = self.nodes
+        for path, before in self.values.items():
+            nodes = {k: _replaced(node, path, before, values[path]) for k, node in nodes.items()}
+        parameters = parameters_of(self.network, self.entry, Node(nodes))
+        if parameters is None:
+            return None
+        try:
+            block = self.entry.cls(**self.fixed, **parameters)
+            block.validate_in(self.context)
+            return block if self._plan(block) == self.before else None
+        except (ArithmeticError, LookupError, TypeError, ValueError):
+            return None  # said, with its place, by who checks the graph
 
 
 @dataclass(frozen=True)
@@ -49,7 +94,7 @@ class Numbers:
     network: Network
     values: Mapping[str, Value]
     blocks: Mapping[str, tuple[str, ...]]
-    _known: dict[str, tuple[BlockContext, Any]] = field(init=False, default_factory=dict)
+    _known: dict[str, _Varied] = field(init=False, default_factory=dict)
 
     @classmethod
     def of(cls, document: Node, network: Network, values: Mapping[str, Value]) -> Numbers:
@@ -78,23 +123,11 @@ class Numbers:
         if not all(map(is_number, values.values())):
             return None
         for name, paths in self.blocks.items():
-            entry = self.network.entries[name]
-            node = entry.node
-            for path in paths:
-                node = _replaced(node, path, self.values[path], values[path])
-            block = reconstructed(self.network, entry, node)
-            if block is None:
-                return None
             if name not in self._known:
-                context = self.network.context(name)
-                key = entry.block.stack_key(context)
-                self._known[name] = context, (structure(entry.block, context), key)
-            context, before = self._known[name]
-            try:
-                block.validate_in(context)
-                if (structure(block, context), block.stack_key(context)) != before:
-                    return None
-            except (ParameterError, ArithmeticError, ValueError):
+                own = {path: self.values[path] for path in paths}
+                self._known[name] = _Varied(self.network, name, own)
+            block = self._known[name].block(values)
+            if block is None:
                 return None
             found[name] = block
         return found

@@ -44,6 +44,7 @@ class _Prepared:
     prepared: PreparedRun
     engine: Engine
     values: Mapping[str, Value]
+    growing: bool
     present: str = ""
 
     def __post_init__(self) -> None:
@@ -54,7 +55,7 @@ class _Prepared:
     def numbers(self) -> Numbers:
         return Numbers.of(self.graph.document, self.graph.network, self.values)
 
-    def begins_again(self, values: Mapping[str, Value], seed: int) -> bool:
+    def begins_again(self, values: Mapping[str, Value], seed: int, folder: Path | None) -> bool:
         """Let the engine begin again with other values; False if that takes a new one."""
         if repr(values) != self.present:
             if values.keys() != self.values.keys():
@@ -70,7 +71,7 @@ class _Prepared:
             if blocks is None:
                 return False
             self.blocks, self.present = blocks, repr(values)
-        return begin_again(self.engine, self.blocks, seed)
+        return begin_again(self.engine, self.blocks, seed, folder)
 
 
 @dataclass
@@ -111,22 +112,41 @@ class RepeatedRuns:
         ------
         GraphError : it is wrong. SimulationError : it failed.
         """
-        last, self._last = self._last, None
-        is_again = last is not None and last.begins_again(values, seed)
-        if last is None or whole or not is_again:
-            graph = self._changed(values).with_seed(seed)
-            prepared = graph.prepared(self.plots)
-        else:
-            prepared = replace(last.prepared, network=last.engine.network)
-        if last is None or not is_again:
-            runner = chosen_runner(graph.network)
-            engine = Engine(prepared.program, seed, runner, repeats=True)
-            last = _Prepared(graph, prepared, engine, values)
-        self.metrics = prepared.program.observation.metrics
+        last, prepared = self._prepared(values, seed, whole)
         result = simulate(prepared, progress, engine=last.engine, whole=whole)
         if result.status in ("complete", "stopped"):
             self._last = last  # after anything else, a tick may be half done
         return result
+
+    def _prepared(
+        self,
+        values: Mapping[str, Value],
+        seed: int,
+        whole: bool,
+        folder: Path | None = None,
+    ) -> tuple[_Prepared, PreparedRun]:
+        """What runs next, in the engine of the last run if it can begin again, and the run.
+
+        Parameters
+        ----------
+        folder : for the recordings; None for memory.
+        """
+        last, self._last = self._last, None
+        growing = folder is not None
+        is_again = (
+            last is not None and last.growing == growing and last.begins_again(values, seed, folder)
+        )
+        if last is None or whole or not is_again:
+            graph = self._changed(values).with_seed(seed)
+            prepared = graph.prepared(self.plots, growing=growing)
+        else:
+            prepared = replace(last.prepared, network=last.engine.network)
+        if last is None or not is_again:
+            runner = chosen_runner(graph.network)
+            engine = Engine(prepared.program, seed, runner, folder=folder, repeats=True)
+            last = _Prepared(graph, prepared, engine, values, growing)
+        self.metrics = prepared.program.observation.metrics
+        return last, prepared
 
     def run_with_checkpoints(
         self,
@@ -148,18 +168,28 @@ class RepeatedRuns:
         UsageError : the recording cannot be written.
         """
         place, every = checkpoints
-        self._last = None
-        prepared = self._changed(values).with_seed(seed).prepared(self.plots, growing=True)
-        self.metrics = prepared.program.observation.metrics
         try:
             source, wrong = last_checkpoint(place), []
         except UsageError as error:
             source, wrong = None, [f"began anew, since {error}"]
+        if source is not None:
+            self._last = None  # what goes on begins in an engine of its own
         draft = Draft(new_folder(place.parent, place.name))
-        written = Checkpoints(draft.recordings, every, source, notes=wrong)
+        folder = draft.recordings
+        written = Checkpoints(folder, every, source, notes=wrong)
         try:
-            folder = draft.recordings
-            return simulate(prepared, progress, folder=folder, checkpoints=written, whole=whole)
+            # Whole, since the folder has the graph with these values, too.
+            last, prepared = self._prepared(values, seed, True, folder)
+            result = simulate(
+                *(prepared, progress),
+                folder=folder,
+                checkpoints=written,
+                engine=last.engine,
+                whole=whole,
+            )
+            if source is None and result.status in ("complete", "stopped"):
+                self._last = last
+            return result
         finally:
             # What is mapped of a file that is removed stays.
             draft.close()

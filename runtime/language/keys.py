@@ -24,8 +24,8 @@ from runtime.language.model import Model
 from runtime.language.offers import Offer, choice, offers_of
 from runtime.language.scopes import (
     class_of,
+    fitting,
     inputs_of,
-    is_fitting,
     is_optional,
     known_types,
     outputs_for,
@@ -260,12 +260,12 @@ def _of_wires(
 
 def wires_snippet(model: Model, scope: Scope | None, name: str, ports: list[str]) -> str:
     """Inputs of a block, each with its fitting outputs to choose from."""
-    kinds, parts = inputs_of(model, scope, name), []
+    parts = []
     for number, port in enumerate(ports, 1):
-        outputs = list(outputs_for(model, scope, name, components=False))
-        fitting = [output.address for output in outputs if is_fitting(output, kinds.get(port))]
+        outputs = outputs_for(model, scope, name, components=False)
+        addresses = [each.address for each in filter(fitting(model, scope, name, port), outputs)]
         # A longer list of choices cannot be read in an editor's menu.
-        source = choice(number, fitting[:20], "block.output")
+        source = choice(number, addresses[:20], "block.output")
         cls = class_of(model, scope, name)
         variadic = cls is not None and port in cls.spec.inputs and cls.spec.inputs[port].variadic
         parts.append(f"{port}: [{source}]" if variadic else f"{port}: {source}")

@@ -7,7 +7,7 @@ scope of "arm", with ("wires", "pid") left: the rest of this room need not know 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from blocks.core import Block, PortType, SignalType
@@ -132,9 +132,13 @@ def outputs_for(
                 yield WireSource(f"{address}.{component}", scalar, unit)
 
 
-def is_fitting(output: WireSource, input_type: PortType | None) -> bool:
-    """Whether an output certainly may be wired to an input of a type."""
-    return isinstance(input_type, SignalType) and fits(output.type, input_type)
+def fitting(
+    model: Model, scope: Scope | None, name: str, port: str
+) -> Callable[[WireSource], bool]:
+    """Whether an output certainly may be wired to an input, as a function; never to an open one."""
+    want, cls = inputs_of(model, scope, name).get(port), class_of(model, scope, name)
+    fills = cls is not None and port in cls.spec.inputs and cls.spec.inputs[port].fills
+    return lambda output: isinstance(want, SignalType) and fits(output.type, want, fills)
 
 
 def params_in(model: Model, scope: Scope | None) -> dict[str, Node]:

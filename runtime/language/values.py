@@ -6,7 +6,7 @@ input's type come first (rank 0), then their components, then all others.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from blocks.core import TYPES, Param, SignalType
@@ -19,15 +19,14 @@ from runtime.language.offers import Offer, offers_of
 from runtime.language.scopes import (
     WireSource,
     class_of,
-    inputs_of,
-    is_fitting,
+    fitting,
     known_types,
     outputs_for,
     params_in,
     scope_at,
 )
 from runtime.language.settings import forms_of, param_at, root_of
-from runtime.network import Scope
+from runtime.network import Scope, fits
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, PlotKind
 
 SUFFIXES = (".yaml", ".yml")
@@ -62,7 +61,8 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     elif section == "world" and not names:
         yield from _files(model, SUFFIXES, _package_files("worlds"), under="worlds")
     elif section == "run" and names == ["stop", "when"]:
-        yield from _addresses(outputs_for(model, scope), TYPES["Scalar"])
+        numbers = TYPES["Scalar"]
+        yield from _addresses(outputs_for(model, scope), lambda each: fits(each.type, numbers))
     elif section == "run":
         yield from offers_of(RUN_CHOICES.get(names[0], ()) if names else (), "value")
         yield from _params(model, scope)
@@ -139,9 +139,8 @@ def _sources(
     model: Model, scope: Scope | None, consumer: str, port: str, prefix: str
 ) -> Iterator[Offer]:
     """What can be wired to an input, outputs of a fitting type first."""
-    input_type = inputs_of(model, scope, consumer).get(port)
     outputs = [*outputs_for(model, scope, consumer, prefix), *_own_outputs(model, scope, consumer)]
-    yield from _addresses(outputs, input_type if isinstance(input_type, SignalType) else None)
+    yield from _addresses(outputs, fitting(model, scope, consumer, port))
 
 
 def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[WireSource]:
@@ -153,13 +152,15 @@ def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[W
             yield WireSource(f"{consumer}.{name}", kind)
 
 
-def _addresses(outputs: Iterable[WireSource], input_type: SignalType | None) -> Iterator[Offer]:
+def _addresses(
+    outputs: Iterable[WireSource], is_fitting: Callable[[WireSource], bool] | None
+) -> Iterator[Offer]:
     for output in outputs:
         is_component = output.address.count(".") > 1
         # Others are offered as well, at the end: a type may be wrong at the other end of the wire.
         rank = 1 + is_component
-        if input_type is not None:
-            rank = int(is_component) if is_fitting(output, input_type) else 3 + is_component
+        if is_fitting is not None:
+            rank = int(is_component) if is_fitting(output) else 3 + is_component
         yield Offer(output.address, "output", str(output.type or ""), output.doc, rank=rank)
 
 

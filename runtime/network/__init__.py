@@ -15,7 +15,7 @@ room for each step, in this order:
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
 from runtime.network.block_types import is_variadic, own_object, source_file
-from runtime.network.build import BLOCK_KEYS, BlockCache, build, reconstructed
+from runtime.network.build import BLOCK_KEYS, BlockCache, build, parameters_of
 from runtime.network.components import (
     columns,
     component_type,
@@ -75,7 +75,7 @@ __all__ = [
     "ours_for",
     "outputs_in",
     "own_object",
-    "reconstructed",
+    "parameters_of",
     "replace_block",
     "resets",
     "source_file",

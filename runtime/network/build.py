@@ -260,12 +260,15 @@ def _definitions(
     return [*definitions, *inputs]
 
 
-def reconstructed(network: Network, entry: NetworkEntry, node: Node) -> Block | None:
-    """A block of a network with other parameters; None if they are wrong."""
+def parameters_of(network: Network, entry: NetworkEntry, node: Node) -> dict[str, Any] | None:
+    """The parameters in a node of an entry, as the block takes them; None if one is wrong."""
     definition = _Definition(entry.scope, entry.short, node, entry.cls)
-    problems = Problems()
-    block, _ = _construct(definition, network.signal_types, problems)
-    return None if problems.items else block
+    values = {key: item for key, item in node.items() if key in entry.cls.spec.params}
+    try:
+        found = _parameter_values(values, entry.cls, network.signal_types)
+    except ParameterError:
+        return None
+    return found if _take_variants(found, definition, Problems(), True) else None
 
 
 def _seed(definition: _Definition, problems: Problems) -> int | None:

@@ -121,11 +121,12 @@ def _suggestion(network: Network, open_input: _Open) -> str:
     return f"; outputs of that type: {', '.join(fitting[:MAX_SUGGESTED])}{more}"
 
 
-def fits(have: SignalType | None, want: SignalType) -> bool:
-    """Whether an output of one type may be wired to an input of another (of open length)."""
+def fits(have: SignalType | None, want: SignalType, fills: bool = False) -> bool:
+    """Whether an output of one type may be wired to an input of another (of open length), which a
+    number may fill."""
     if have is None:
         return False
-    return compatible(have, want if not want.symbol else want.sized(have.length or 1))
+    return compatible(have, want if not want.symbol else want.sized(have.length or 1), fills)
 
 
 def outputs_in(

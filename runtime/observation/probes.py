@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 
 from blocks.core import SignalType, Vector, hint, state_shape
@@ -101,7 +102,7 @@ class Probe:
         """Ticks between two values that are read: for a synapse, whenever the signal is new."""
         return self.every if self.synapse is None else own_rate(self.signals)
 
-    @property
+    @cached_property
     def constant(self) -> bool:
         return all(signal.constant for signal in self.signals)
 
@@ -113,20 +114,20 @@ class Probe:
         # Side by side; a signal alone keeps its own shape, so that a scalar is (rows,).
         return (sum(signal.width for signal in self.signals),)
 
-    @property
+    @cached_property
     def labels(self) -> tuple[str, ...]:
         return tuple(label for signal in self.signals for label in signal.labels)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """What figures call each column; '' for its label."""
         return tuple(name for signal in self.signals for name in signal.names)
 
-    @property
+    @cached_property
     def units(self) -> tuple[str, ...]:
         return tuple(unit for signal in self.signals for unit in signal.units)
 
-    @property
+    @cached_property
     def held(self) -> tuple[bool, ...]:
         """Whether each column keeps its value from one row to the next; a filtered one does not."""
         return tuple(s.held and self.synapse is None for s in self.signals for _ in s.labels)

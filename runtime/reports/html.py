@@ -106,7 +106,7 @@ def _rows(rows: Iterable[Sequence[str]], kinds: Sequence[dict[str, str]]) -> Ite
 def scrolling(content: Html, label: str, kind: str = "") -> Html:
     """A frame that scrolls sideways, also by keyboard, if its content is wider than the page."""
     name = f"scroll {kind}".strip()
-    return element("div", content, class_=name, tabindex="0", role="region", aria_label=label)
+    return element("div", content, class_=name, tabindex="0", role="group", aria_label=label)
 
 
 def facts(pairs: Iterable[tuple[str, str]], kind: str = "facts") -> Html:

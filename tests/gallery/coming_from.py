@@ -7,6 +7,7 @@ Nengo; so are the networks of which the CPU time is measured.
 from __future__ import annotations
 
 import inspect
+import re
 import tempfile
 import textwrap
 import time
@@ -20,9 +21,11 @@ import numpy as np
 import runtime
 from runtime.errors import SpikeblocksError
 from runtime.nengo.importing import Imported, import_network, run_both
+from tests.gallery import nengo_models
 from tests.gallery.nengo_models import MODELS
 
-PAGE = Path(__file__).parents[2] / "docs" / "coming-from.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "coming-from.md"
 BEGIN, END = "<!-- begin: models of Nengo -->\n", "<!-- end: models of Nengo -->\n"
 SECONDS, SPEED_SECONDS = 0.3, 1.0
 # Of these the CPU time is measured: compiled, of the run alone, and of Nengo's run alone.
@@ -52,7 +55,7 @@ def row(name: str, model: Callable[[], Any], folder: Path) -> str:
     """A line of the table."""
     with nengo.Network(seed=0) as network:
         model()
-    theirs = len(textwrap.dedent(inspect.getsource(model)))
+    theirs, own = f"{characters(model, set())}", f"{by_hand(name) or ''}"
     try:
         done = import_network(network, folder / f"{name}.yaml", until=SECONDS)
         redrawn = import_network(network, folder / f"{name}_redrawn.yaml", redraw=True)
@@ -62,10 +65,36 @@ def row(name: str, model: Callable[[], Any], folder: Path) -> str:
         # Without the object's address and the folder, which differ from run to run.
         reason = str(error).splitlines()[0].rpartition("Error: ")[2].rpartition(">: ")[2]
         reason = reason.partition(" (/")[0]
-        return f"| {name} | not whole: {reason} | {theirs} | | |"
+        return f"| {name} | not whole: {reason} | {theirs} | | {own} | |"
     timed = name in TIMED or name in FURTHER
     speed = f"{ratio(done):.1f}" if timed else ""
-    return f"| {name} | {equal} | {theirs} | {ours} | {speed} |"
+    return f"| {name} | {equal} | {theirs} | {ours} | {own} | {speed} |"
+
+
+def characters(function: Callable[..., Any], counted: set[str]) -> int:
+    """The length of a model's source, with the functions of its module that it calls."""
+    counted.add(function.__name__)
+    # From its first line on: the decorator that lists it as a model is no part of it.
+    text = textwrap.dedent(inspect.getsource(function))
+    text = text[text.index("def ") :]
+    names = set(re.findall(r"\w+", text)) - counted
+    called = [getattr(nengo_models, name, None) for name in sorted(names)]
+    own = [each for each in called if getattr(each, "__module__", "") == nengo_models.__name__]
+    return len(text) + sum(
+        characters(each, counted)
+        for each in own
+        if inspect.isfunction(each) and each.__name__ not in counted
+    )
+
+
+def by_hand(name: str) -> int:
+    """The length of the gallery's graph of a model, without comments, and without plots, which the
+    models of Nengo have not; 0 if there is no graph.
+    """
+    path = ROOT / "graphs" / "gallery" / "nengo" / f"{name}.yaml"
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    text = re.sub(r"^plots:\n(  .*\n)*", "", text, flags=re.MULTILINE)
+    return sum(len(line) for line in text.splitlines(True) if not line.lstrip().startswith("#"))
 
 
 def compared(done: Imported) -> str:
@@ -97,8 +126,8 @@ def _cpu(run: Callable[[], Any]) -> float:
 def table() -> str:
     """The table, of all models."""
     lines = [
-        "| model | imported | characters in Python | in YAML | times faster |",
-        "|---|---|---|---|---|",
+        "| model | imported | characters in Python | YAML, imported | by hand | times faster |",
+        "|---|---|---|---|---|---|",
     ]
     with tempfile.TemporaryDirectory() as folder:
         for name, model in {**MODELS, **FURTHER}.items():

@@ -68,7 +68,7 @@ def template(
     known = _latest.setdefault(program.origin, {}).get(checked)
     entries = program.network.entries
     if known is not None and all(
-        kernel.fits(entries[name].block, states[name])
+        kernel.fitting(entries[name].block, states[name]) is not None
         for name, kernel in known.kernels.compiled.items()
     ):
         return known
@@ -176,8 +176,9 @@ class CompiledRunner:
             self._pointer(name, *to)
         for block in self.struct.inside.values():
             self.fields[block] = Words(self.kernels.compiled[block].words)
-        for block in self.fields:
-            self._fill(block)
+        for owner in self.fields:
+            entry, kernel = self.network.entries[owner], self.kernels.compiled[owner]
+            self._fill(owner, kernel.fields(entry.block, context.states[owner]))
         self.addresses = (self.numbers.ctypes.data, self.places.address, self.memory.address)
         self.slow = [signal.key for signal in context.program.plan.held]
         self.drive = self._driver() if self.text.driver else partial(self._part, low=0, high=1)
@@ -202,11 +203,10 @@ class CompiledRunner:
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.places.point(at, np.asarray(value))
 
-    def _fill(self, name: str) -> None:
+    def _fill(self, name: str, values: tuple[Any, ...]) -> None:
         """Fill the struct of a block."""
-        block, state = self.network.entries[name].block, self.context.states[name]
         words = self.fields[name]
-        words.fill(self.kernels.compiled[name].fields(block, state))
+        words.fill(values)
         for member, inside in self.struct.inside.items():
             if inside == name:
                 start, size = self.struct.places[member]
@@ -234,11 +234,12 @@ class CompiledRunner:
     def _take_over(self, network: Network, name: str) -> bool:
         """Take over a block's numbers; False if its compiled text has the old ones."""
         block, kernel = network.entries[name].block, self.kernels.compiled.get(name)
-        if kernel is not None and not kernel.fits(block, self.context.states[name]):
+        values = None if kernel is None else kernel.fitting(block, self.context.states[name])
+        if kernel is not None and values is None:
             return False
         self.network = network
-        if name in self.fields:
-            self._fill(name)
+        if values is not None and name in self.fields:
+            self._fill(name, values)
         for (owner, port), array in self.constants.items():
             if owner == name:
                 value = self.context.namespace[self.context.program.names.signals[name, port]]

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import json
 import math
+import re
 import shutil
 import tempfile
 import time
@@ -25,7 +27,7 @@ from typing import Any, Literal
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.document import parse_yaml, rename_files, with_folder
+from runtime.document import parse_scalar, parse_yaml, rename_files, with_folder
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective, shown_probe
 from runtime.experiments.execution.trials import GraphBundle, Trial
@@ -40,6 +42,7 @@ Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 Record = Literal["metrics", "trajectory", "all"]
 TRAJECTORY_PLOTS = ("trajectory", "map")
 POINTS = 1000  # rows of a signal that a figure shows over time
+_NUMBERS = re.compile(r"[-+.eE0-9\[\], ]+")
 CACHED_GRAPHS = 4  # the trials of a graph are consecutive, so few are in use at a time
 # The graph that ran last; its engine holds a recording, so that one is enough.
 _idle: deque[RepeatedRuns] = deque(maxlen=1)
@@ -119,8 +122,8 @@ def run_task(task: Task) -> TrialResult:
     measured = [] if runs is None or result is None else runs.metrics
     metrics = {} if result is None else _values(measured, result, status)
     is_kept = status in task.keep and _is_wanted(task, metrics)
-    # The worker's temporary folder of files means nothing to users.
-    reason = reason.replace(f"{_file_folder(task.trial.configuration.bundle)}/", "")
+    if reason:  # the worker's temporary folder of files means nothing to users
+        reason = reason.replace(f"{_file_folder(task.trial.configuration.bundle)}/", "")
     done = TrialResult(
         status=status,
         reason=one_line(reason.strip().replace("\n", "; ")),
@@ -288,4 +291,13 @@ def _write_files(bundle: GraphBundle) -> Path:
 @lru_cache(1)
 def _values_of(edits: tuple[tuple[str, str], ...]) -> dict[str, Any]:
     """What a configuration sets, by path; the same for all of its seeds."""
-    return {path: parse_yaml(cell, path).plain() for path, cell in edits}
+    return {path: _value_of(cell, path) for path, cell in edits}
+
+
+def _value_of(cell: str, path: str) -> Any:
+    """What the YAML of a cell says."""
+    if _NUMBERS.fullmatch(cell):
+        # Numbers and lists of them are JSON, too, which is read in a tenth of the time.
+        with suppress(ValueError):
+            return json.loads(cell, parse_float=parse_scalar, parse_int=parse_scalar)
+    return parse_yaml(cell, path).plain()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,19 @@ def test_a_row_is_suggested_where_a_list_is_no_matrix() -> None:
     assert "[[1.0, 2.0, 3.0, 4.0]]" in problems({"k": gain, **state}, wires)
     right = {**gain, "gain": [[1, 2, 3, 4]]}
     runtime.load({"blocks": {"k": right, **state}, "wires": wires}).check()
+
+
+@given(st.lists(st.integers(-9, 9), min_size=2, max_size=4), st.floats(-1e3, 1e3))
+def test_a_column_is_suggested_where_one_number_goes_to_many(gains: list[int], u: float) -> None:
+    """What the message says to write is the product of the number with each gain."""
+    written = {"u": {"type": "Constant", "value": u}, "k": {"type": "Gain", "gain": gains}}
+    graph = runtime.load({"run": {"dt": 0.1, "until": 0.1}, "blocks": written})
+    graph = graph.connect("u.value", "k.input").probe("k.out")
+    with pytest.raises(GraphError) as caught:
+        graph.check()
+    _, _, column = str(caught.value).splitlines()[0].rpartition("is a column, gain: ")
+    found = graph.set("k.gain", ast.literal_eval(column)).run(engine="python")["k.out"]
+    np.testing.assert_array_equal(found[0], np.array(gains) * u)
 
 
 def test_a_typo_in_a_type_is_reported_alone() -> None:

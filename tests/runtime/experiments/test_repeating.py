@@ -103,6 +103,24 @@ def test_other_numbers_and_seeds_take_no_new_engine(engine: str) -> None:
         assert compared(runs, graph, values, seed) == (i > 0)
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("key", "value"), [("memory", 100), ("keep", 0.05)])
+def test_recordings_on_disk_and_of_the_last_part(engine: str, key: str, value: Any) -> None:
+    if engine == "compiled":
+        skip_without_compiler()
+    graph = runtime.load(SWEPT).set("run.engine", engine).set(f"run.{key}", value)
+    runs, folders = RepeatedRuns(graph), []
+    for i, gain in enumerate((0.5, 0.7, 0.6)):
+        assert compared(runs, graph, {"drag.gain": gain}, 1) == (i > 0)
+        folders.append(runs._last and runs._last.engine.recorder.folder)
+    # Those of the trials before are removed.
+    assert [each is not None and each.exists() for each in folders] == [
+        False,
+        False,
+        key == "memory",
+    ]
+
+
 @pytest.mark.parametrize(
     ("path", "values"),
     [

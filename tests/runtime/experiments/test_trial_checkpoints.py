@@ -92,6 +92,20 @@ def test_a_killed_trial_goes_on(
     assert bits(graph, runs.run(VALUES, 3)) == whole
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_trials_with_checkpoints_take_no_new_engine(engine: str, tmp_path: Path) -> None:
+    graph = swept(engine, 0.3)
+    runs, engines = RepeatedRuns(graph), []
+    for gain, seed, every in ((0.5, 1, NEVER), (0.7, 1, ALWAYS), (0.7, 2, NEVER), (0.5, 1, ALWAYS)):
+        values = {"drag.gain": gain}
+        result = runs.run_with_checkpoints(values, seed, (tmp_path / "a", every), whole=False)
+        assert bits(graph, result) == bits(graph, RepeatedRuns(graph).run(values, seed))
+        assert runs._last is not None
+        engines.append(runs._last.engine)
+    assert all(each is engines[0] for each in engines)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the process is killed in a fork of this one")
 def test_a_damaged_checkpoint_begins_anew_and_says_so(tmp_path: Path) -> None:
     graph = swept("python", 1.0)

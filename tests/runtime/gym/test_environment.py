@@ -88,6 +88,28 @@ def test_the_checker_of_gymnasium_passes(engine: str, as_dict: bool) -> None:
     assert [text for text in said if not any(words in text for words in advice)] == []
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_method_of_stable_baselines3_learns_in_it(engine: str) -> None:
+    baselines = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.env_checker import check_env as accepted
+
+    env = balance(engine)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it advises, as gymnasium's checker does
+        accepted(env)
+    learned = [
+        baselines.PPO("MlpPolicy", balance(engine), n_steps=64, seed=1, device="cpu").learn(256)
+        for _ in range(2)
+    ]
+    weights = [each.policy.state_dict() for each in learned]
+    # Equal seeds have equal episodes, from which the same is learned.
+    assert all(bool((weights[0][key] == weights[1][key]).all()) for key in weights[0])
+    observation, _ = env.reset(seed=3)
+    action, _ = learned[0].predict(observation, deterministic=True)
+    assert env.action_space.contains(action.astype(env.action_space.dtype))
+
+
 def test_spaces_follow_from_the_ports() -> None:
     env = make()
     assert env.action_space == gymnasium.spaces.Box(

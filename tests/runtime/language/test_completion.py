@@ -171,6 +171,15 @@ def test_inside_structured_parameters(place: str, new: str, first: list[str]) ->
     assert found[: len(first)] == first
 
 
+def test_a_number_is_offered_where_it_goes_into_all_neurons() -> None:
+    text = NEURAL.replace(", stop: {¦1}", "").replace(", ¦2", "").replace(", ¦3", "")
+    text = text.replace("  a: ", "  two: {type: Constant, value: [1.0, 2.0]}\n  a: ")
+    for port, fitting in (("current", {"a.value"}), ("learn", {"a.value"}), ("input", {"a.value"})):
+        found = offered(*marked(text.replace("input: a.value", f"input: a.value, {port}: ¦")))
+        assert fitting <= {offer.label for offer in found if offer.rank == 0}, port
+        assert "two.value" in {offer.label for offer in found if offer.rank == 3}, port
+
+
 def test_what_a_setting_offers_can_be_read() -> None:
     """Each snippet, its places filled with numbers, is a value of its parameter."""
     for cls in BUILTIN.values():
