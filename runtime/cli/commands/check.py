@@ -41,6 +41,9 @@ def run(options: Namespace) -> int:
     from blocks.core import hint
     from runtime.descriptions import own_blocks
 
+    if options.file.endswith((".yaml", ".yml")):
+        text = f"'{options.file}': expected a Python file; 'runtime validate' checks a graph"
+        raise UsageError(text)
     known = own_blocks(options.file)
     for name in options.types:
         if name not in known:

@@ -111,3 +111,8 @@ def test_a_file_without_blocks_is_named(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_file_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["check", "nothere.py"]) == 2
     assert capsys.readouterr().err == "cannot read 'nothere.py': No such file or directory\n"
+
+
+def test_a_graph_is_checked_by_another_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["check", "my.yaml"]) == 2
+    assert "expected a Python file; 'runtime validate' checks a graph" in capsys.readouterr().err
