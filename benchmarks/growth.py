@@ -17,7 +17,7 @@ from benchmarks.tables import Goal, figure, goals, table
 from benchmarks.timing import Timing, take_turns
 
 GPU = """
-## On a graphics processor
+### On a graphics processor
 
 An estimate on paper, without code. A step of a LIF neuron that learns reads and writes about 80
 bytes and takes about 25 operations: 0.3 per byte, so that the bandwidth of the memory decides. At

@@ -120,7 +120,7 @@ def significance(correction: str, units: str = "seeds") -> str:
         f"comparisons of the table that can differ. n/N: n of N {units} have a value (for a "
         "difference, on both sides), and means are over those; what is never reached, and a run "
         f"that failed, counts as worse than any value. “yes, in seeds”: the share of {units} with "
-        f"a value differs significantly. “too few seeds”: {too_few()} by an exact test. "
+        f"a value differs significantly. “too few pairs”: {too_few()} by an exact test. "
         f"“{NEGLIGIBLE}”: the interval is within the smallest difference that counts. “{SAME}”: "
         f"{SAME_RUNS}."
     )

@@ -26,7 +26,7 @@ from runtime.terminal import with_unit
 _TUNING = {
     **{"folder": str, "sampling_seed": int, "trials": int, "runs": int, "metrics": dict},
     **{"values": (dict, type(None)), "stopped": int, "without_value": int},
-    "reasons": [{"reason": str, "count": int}],
+    **{"reasons": [{"reason": str, "count": int}], "violated": [str]},
 }
 _STORED = {
     **{"experiment": str, "graph": str, "metrics": [str], "contestants": dict, "units": dict},
@@ -138,10 +138,13 @@ def _values(stored: Mapping[str, Any]) -> Iterator[Html]:
             shown = ", ".join(f"{path} = {text_of(value)}" for path, value in values)
             counts = [each[key] for key in ("sampling_seed", "trials", "stopped", "runs")]
             scores = [pieces.number(each["metrics"].get(metric)) for metric in metrics]
-            rows.append([name, *map(str, counts), *scores, shown or "its own"])
+            limits = "".join(f"; not {constraint}" for constraint in each["violated"])
+            rows.append([name, *map(str, counts), *scores, (shown or "its own") + limits])
     last = len(head) - 1
     yield table(head, rows, range(1, last), label="tuned values", wraps=[last])
     note = "Chosen on the training runs; the metrics are of the held-out runs of each tuning."
+    if stored["constraints"]:
+        note += " “not effort below 0.3”: the held-out runs violate that constraint."
     yield element("p", note, class_="soft small")
     ranges = list(agreement(stored))
     if ranges:

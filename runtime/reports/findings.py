@@ -149,7 +149,7 @@ def of_contest(stored: Mapping[str, Any]) -> str:
     mean, runs = pieces.quantity(own[best]["mean"], unit), own[best]["runs"]
     text = f"{rest} {words(metric)} over {runs} held-out {units}: {best}, {mean}"
     text += f", instead of {'; '.join(told)}" * bool(told)
-    return _sentence(text.replace("too few seeds", f"too few {units}"))
+    return _sentence(text)
 
 
 def _contestant(lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: str) -> str:

@@ -16,7 +16,7 @@ from runtime.terminal import number
 
 SAME = "n = 1"
 SAME_RUNS = "the seed changes nothing, so that all runs are one: no interval, no test"
-TOO_FEW = "too few seeds"
+TOO_FEW = "too few pairs"
 NEVER = "never"
 FAILED = "failed"
 EQUAL = "equal"

@@ -134,6 +134,7 @@ class ContestResult:
         one, plan = entered(tuning), tuning.plan
         values = [] if one.values is None else zip(plan.paths, plan.cells(one.values), strict=True)
         shown = ", ".join(f"{path}={value}" for path, value in values) or "its own"
+        shown += "".join(f"; not {constraint}" for constraint in violated(tuning))
         metrics = [] if one.score is None else [one.score.metrics[m] for m in plan.tuning.metrics]
         tried = len(tuning.candidates) - 1
         return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
@@ -162,6 +163,18 @@ def entered(tuning: TuningResult) -> Candidate:
     """The held-out runs of a tuning's winner, or of its own values if it has none."""
     winner = tuning.winners[0].number if tuning.winners else BASELINE
     return tuning.held_out[winner]
+
+
+def violated(tuning: TuningResult) -> list[str]:
+    """The constraints that the held-out runs violate; in training, a winner meets them all.
+
+    Not those of a metric without a value: its runs failed, which is told as such.
+    """
+    score = entered(tuning).score
+    if score is None:
+        return []
+    pairs = zip(tuning.plan.tuning.constraints, score.violations, strict=True)
+    return [str(constraint) for constraint, by in pairs if 0.0 < by < math.inf]
 
 
 def contest_plans(experiment: Experiment, note: Note) -> dict[str, list[TuningPlan]]:
@@ -247,4 +260,5 @@ def _tuning_data(tuning: TuningResult) -> dict[str, Any]:
         "reasons": [{"reason": r, "count": n} for r, n in reasons.most_common(5)],
         "values": None if one.values is None else dict(zip(paths, one.values, strict=True)),
         "metrics": {} if one.score is None else dict(one.score.metrics),
+        "violated": violated(tuning),
     }

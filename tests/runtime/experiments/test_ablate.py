@@ -288,7 +288,7 @@ def test_a_variant_that_fails_is_reported(here: Run, draw: Path) -> None:
     [total] = [line for line in done.stdout.splitlines() if line.startswith("  broken")][1:2]
     assert total.split() == ["broken", "0/6", "failed", "-", "-", "-", "yes,", "ranks"]
     five = here("ablate", "draw.yaml", "--seeds", "0..4", "--no-plots", "--name", "five", *failing)
-    assert "too few seeds to test (6 needed); of 5 pairs p is at least 0.062." in five.stdout
+    assert "too few pairs to test (6 needed); of 5 pairs p is at least 0.062." in five.stdout
 
 
 def test_ranks_says_so(here: Run, draw: Path) -> None:

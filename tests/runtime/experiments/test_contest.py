@@ -60,7 +60,7 @@ def test_a_contest(contest: dict[str, Any], here: Run, tmp_path: Path) -> None:
     apart = lines["alone", "gain"]["difference"]
     assert apart["mean"] == pytest.approx(float(np.mean(-gain / 2.0 * levels)))
     assert lines["fails", "gain"]["failed"] == 3
-    assert (lines["fails", "alone"]["difference"]["verdict"]) == "too few seeds"
+    assert (lines["fails", "alone"]["difference"]["verdict"]) == "too few pairs"
     names = {path.name for path in (folder / "plots").iterdir()}
     assert names == {"contest.png", "contest.pdf"}
     again = here("contest", "--no-plots", "gains.yaml", "--resume", "-j", "1")
@@ -79,6 +79,29 @@ def test_a_contest(contest: dict[str, Any], here: Run, tmp_path: Path) -> None:
     (tmp_path / "with.yaml").write_text(wrong)
     done = here("ablate", "with.yaml")
     assert done.returncode == 2 and "there is no tuning 'contests/gains/gone'" in done.stderr
+
+
+def test_a_violated_constraint_is_marked(here: Run, draw: Path, tmp_path: Path) -> None:
+    """Held out, total is (1 + gain / 2) (4.67 + noise) in the mean."""
+    (tmp_path / "bound.yaml").write_text(
+        CONTEST.replace("budget: 30\nrepeats: 2", "trials: 3\nconstraints: [total below 5]")
+        .replace("low: {}, high: {set: {draw.level: 3}}", "low: {set: {draw.level: 2}}")
+        .replace("  fails: {set: {draw.how: raise}}\n", "  low: {vary: {params.gain: 0..0.1}}\n")
+    )
+    done = here("contest", "bound.yaml", "--json", "-j", "1")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    for own in facts["contestants"].values():
+        mean = own[0]["metrics"]["total"]
+        assert own[0]["violated"] == (["total below 5"] if mean > 5.0 else [])
+    violating = [name for name, own in facts["contestants"].items() if own[0]["violated"]]
+    assert violating == ["gain"]
+    again = here("contest", "--no-plots", "bound.yaml", "--resume", "-j", "1")
+    assert "; not total below 5" in again.stdout
+    done = here("report", "contests/gains")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "contests" / "gains" / "report.html").read_text()
+    assert "; not total below 5" in page and "violate that constraint" in page
 
 
 def test_repeated_tunings_tell_how_far_they_agree(here: Run, draw: Path, tmp_path: Path) -> None:

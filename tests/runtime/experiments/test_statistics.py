@@ -236,9 +236,9 @@ def test_a_table_of_what_never_settles() -> None:
         "-",
         "too",
         "few",
-        "seeds",
+        "pairs",
     ]
-    assert "too few seeds to test (6 needed)" in legend(lines)
+    assert "too few pairs to test (6 needed)" in legend(lines)
     assert max(map(len, f"{text}\n{legend(lines)}".splitlines())) <= 100
     six = {name: {"settled": found["settled"] * 2} for name, found in values.items()}
     tested = {line.variant: line for line in compare(six)}

@@ -118,8 +118,8 @@ def test_a_contest_says_who_is_best_and_how_surely() -> None:
     assert of_contest({**stored, "maximize": "total"}).startswith("Largest total over 6 held-out")
     few = {
         **stored,
-        "table": [stored["table"][0], line("b", "a", 0.2, 0.5, verdict="too few seeds")],
+        "table": [stored["table"][0], line("b", "a", 0.2, 0.5, verdict="too few pairs")],
     }
     assert of_contest({**few, "maximize": "total"}).endswith(
-        "a, 0.3 m, instead of b, 0.2 m (too few conditions)."
+        "a, 0.3 m, instead of b, 0.2 m (too few pairs)."
     )
