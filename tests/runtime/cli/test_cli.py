@@ -135,7 +135,7 @@ def test_wire_moves_an_input(cli: Run, small: Path) -> None:
         (["run", "small.yaml", "--seed", "x"], "expected an integer, got 'x'"),
         (["run", "small.yaml", "--seed", "-1"], "run.seed: expected a non-negative integer"),
         (["run", "small.yaml", "--until", "0"], "run.until: expected a number of seconds above 0"),
-        (["draw", "small.yaml", "-o", "x.bmp"], "svg, png, pdf, dot, mermaid"),
+        (["draw", "small.yaml", "-o", "x.bmp"], "svg, png, pdf, tikz, dot, mermaid"),
         (["blocks", "Saturater"], "did you mean 'Saturator'?"),
     ],
 )
