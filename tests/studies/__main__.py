@@ -60,7 +60,7 @@ All errors are means of |distance to the nearest surface - 180 mm| in mm, from w
 contour is first reached to the end of the run (130 s, a loop and about a fifth). "Along cylinders"
 counts where the robot's projection onto a cylinder's contour is 10 cm clear of everything else's,
 "off the kinks" what is further than 0.2 m from the contour's concave kinks, "floor" is what a robot
-with a turning radius of 0.2 m gets over the whole way that makes no other error. "Closed" are the
+with a turning radius of 0.2 m gets over the whole run that makes no other error. "Closed" are the
 runs that went all the way round, "contact" is the share of the run in which the body touches
 something, exploring included, "clearance" the smallest of all runs in mm. Runs are by the {engine}
 engine.

@@ -85,7 +85,7 @@ TOLD = """
 HEAD = """
 ## What causes what
 
-Seeds {first} to {last}; errors in mm over the whole way in case C, in m from 10 s on in case B.
+Seeds {first} to {last}; errors in mm over the whole run in case C, in m from 10 s on in case B.
 """
 
 

@@ -17,7 +17,7 @@ CONTROLLERS = (FEEDFORWARD, PRINTED, ROBUST)
 COLUMNS = (
     "fault",
     "controller",
-    "whole way",
+    "whole run",
     "along cylinders",
     "off the kinks",
     "floor",

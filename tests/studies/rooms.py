@@ -18,7 +18,7 @@ COLUMNS = (
     "run",
     "kept the wall",
     "loops followed",
-    "whole way",
+    "whole run",
     "floor",
     "strayed",
     "contact",

@@ -56,7 +56,7 @@ class Walls:
                 "C1a",
                 "LQR: mean absolute error 0.11 m",
                 f"without feedforward within {PART:.0%} of the paper's {PAPER_LQR:g} mm over the "
-                "whole way",
+                "whole run",
                 f"{spread(lqr, digits=1)} and {spread(along_lqr, 'mm', 1)}",
                 float((np.abs(lqr - PAPER_LQR) <= PART * PAPER_LQR).mean()),
                 "Whole way and along the cylinders. Half of the turn rate is lost; the paper does "
@@ -66,18 +66,18 @@ class Walls:
             Claim(
                 "C1b",
                 "adaptive: 0.06 m",
-                f"feedforward and the SNN as printed at most {PAPER_SNN:g} mm over the whole way",
+                f"feedforward and the SNN as printed at most {PAPER_SNN:g} mm over the whole run",
                 f"{spread(printed, digits=1)} and {spread(along, 'mm', 1)}",
                 float((printed <= PAPER_SNN).mean()),
                 f"Without a network the feedforward has {spread(forward, digits=1)} and "
                 f"{spread(along_forward, 'mm', 1)}: {credit:.0%} of what it and the network gain "
-                f"on the LQR over the whole way. The worst network is {along.max():.0f} mm off "
+                f"on the LQR over the whole run. The worst network is {along.max():.0f} mm off "
                 "along the cylinders.",
             ),
             Claim(
                 "C1c",
                 "adaptive has 0.55 of the LQR's error",
-                "at most 0.65 of it over the whole way, on the same seed",
+                "at most 0.65 of it over the whole run, on the same seed",
                 spread(ratio),
                 float((ratio <= 0.65).mean()),
             ),
@@ -133,7 +133,7 @@ class Walls:
 COLUMNS = (
     "condition",
     "controller",
-    "whole way",
+    "whole run",
     "along cylinders",
     "off the kinks",
     "floor",

@@ -50,7 +50,7 @@ METRICS = {
         Metric("distance", "progress along the path in 35 s", "m", 1.0, 2, False),
     ),
     "C": (
-        Metric("distance_mae", "mean distance error over the whole way", "mm", 1e3, 1),
+        Metric("distance_mae", "mean distance error over the whole run", "mm", 1e3, 1),
         Metric("distance_mae_cylinders", "mean distance error along the cylinders", "mm", 1e3, 1),
     ),
 }
