@@ -243,6 +243,8 @@ def main() -> int:
         parser.error(f"rounds must be 1 or more, got {options.rounds}")
     if options.only == AGAINST and options.against is None:
         parser.error(f"--only {AGAINST} needs --against TREE")
+    if options.only and options.quick:
+        parser.error("--quick is for the whole page; give --only or --quick")
     if options.only:
         measured = measured_alone(options.only, options.rounds, options.against)
         text = replaced(PAGE.read_text(encoding="utf-8"), measured)
