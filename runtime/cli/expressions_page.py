@@ -58,7 +58,7 @@ plant:
 | `$name` | a param, put into the text before it is read, negative numbers in parentheses |
 
 A list of expressions is the vector of all their components: `derivative: [v, "a @ x"]`. YAML
-reads a text with `: `, `{`, `[` or a comma inside braces and brackets only in quotes.
+reads text with `: `, `{`, `[` or a comma inside braces and brackets only in quotes.
 
 ## Operators
 
