@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,7 +85,29 @@ def test_no_run_is_older_than_the_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rows, "tasks", lambda: ["path"])
     monkeypatch.setattr(rows, "began", lambda task: {("LQR", 0): early})
     (problem,) = register.problems()
-    assert problem.startswith("path: LQR, tuning 0 began 2020-01-01 00:00:00, before the plan")
+    assert problem.startswith("path: LQR, tuning 0 began 2020-01-01 00:00:00, before its entry")
+
+
+def test_a_run_is_compared_with_the_change_of_its_own_entry(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A second commit gives the LQR more patience; what began in between is only right for PID."""
+    first, second = (datetime(2026, 1, day, tzinfo=UTC) for day in (1, 3))
+
+    def version(patience: int) -> dict[str, Any]:
+        contestants = {"LQR": {"patience": patience}, "PID": {}}
+        return {"tasks": {"path": {"title": str(patience), "contestants": contestants}}}
+
+    plans = {"a": version(5), "b": version(15)}
+    monkeypatch.setattr(register, "commits", lambda: [("a", first, "one"), ("b", second, "two")])
+    monkeypatch.setattr(register, "_plan_of", plans.__getitem__)
+    monkeypatch.setattr(plan, "read", lambda: {"deviations": ["two: more patience"]})
+    between = datetime(2026, 1, 2, tzinfo=UTC)
+    monkeypatch.setattr(rows, "tasks", lambda: ["path"])
+    monkeypatch.setattr(rows, "began", lambda task: {("LQR", 0): between, ("PID", 0): between})
+    (problem,) = register.problems()
+    assert problem.startswith("path: LQR, tuning 0 began 2026-01-02")
+    assert "(b, 2026-01-03" in problem
 
 
 def test_a_failed_run_is_worse_than_any_value(monkeypatch: pytest.MonkeyPatch) -> None:

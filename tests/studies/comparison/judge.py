@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -149,19 +150,37 @@ def answers(question: dict[str, object]) -> list[Answer]:
 
 
 def _answers(question: dict[str, object]) -> Iterator[Answer]:
-    done, where = rows.tasks(), question["where"]
     of_these = question.get("of_these") is True
-    for task, groups in where.items() if isinstance(where, dict) else ():
-        for group in groups if task in done else ():
-            for metric in _names(question["measures"]):
+    for task, groups in _where(question).items():
+        for group in groups if task in rows.tasks() else ():
+            for metric in _names(question.get("measures", ["error"])):
                 found = cells(task, metric, group)
-                for one in _names(question["of"]):
-                    for other in _names(question["against"]):
-                        if one in found and other in found:
-                            a, b = found[one], found[other]
-                            result = contrast(a.values, b.values, plan.margin(), of_these=of_these)
-                            result = replace(result, failed=(a.failed, b.failed))
-                            yield Answer(task, group, metric, one, other, result)
+                for one, other in _pairs(question):
+                    if one in found and other in found:
+                        a, b = found[one], found[other]
+                        result = contrast(a.values, b.values, plan.margin(), of_these=of_these)
+                        result = replace(result, failed=(a.failed, b.failed))
+                        yield Answer(task, group, metric, one, other, result)
+
+
+def _where(question: dict[str, object]) -> Mapping[str, Sequence[str]]:
+    """The groups of each task that a question is about; of an attempt all of its task."""
+    if "task" in question:
+        task = str(question["task"])
+        return {task: [*plan.read()["tasks"][task]["groups"]]}
+    where = question["where"]
+    return where if isinstance(where, dict) else {}
+
+
+def _pairs(question: dict[str, object]) -> Sequence[tuple[str, str]]:
+    """Who is compared with whom: listed as pairs, or all of some with all of others."""
+    if "pairs" in question:
+        return [(one, other) for one, other in map(_names, _list(question["pairs"]))]
+    return list(product(_names(question["of"]), _names(question["against"])))
+
+
+def _list(entry: object) -> list[object]:
+    return entry if isinstance(entry, list) else []
 
 
 def _names(entry: object) -> Sequence[str]:

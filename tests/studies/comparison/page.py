@@ -20,37 +20,61 @@ WHOLE = "over the run"
 
 def write() -> None:
     """Write the page and a figure for each question that has an answer."""
-    parts = [_head()]
-    for number, question in enumerate(plan.read()["questions"], 1):
-        found = judge.answers(question)
-        if found:
-            name = f"comparison_{number}.png"
-            _figure(found).savefig(IMAGES / name, dpi=150, metadata={"Software": None})
-            parts.append(_section(number, question["ask"], found, name))
+    asked = [*plan.read()["questions"], *plan.read().get("attempts", ())]
+    answered = [(n, q["ask"], judge.answers(q)) for n, q in enumerate(asked, 1)]
+    answered = [(number, ask, found) for number, ask, found in answered if found]
+    parts = [_head(answered)]
+    for number, ask, found in answered:
+        name = f"comparison_{number}.png"
+        _figure(found).savefig(IMAGES / name, dpi=150, metadata={"Software": None})
+        parts.append(_section(number, ask, found, name))
     parts += [_contestants(task) for task in rows.tasks()]
     parts += [_costs()] if costs.read() else []
-    PAGE.write_text("\n\n".join([*parts, _foot()]) + "\n", encoding="utf-8")
+    PAGE.write_text("\n\n".join([*parts, _foot(), _registered()]) + "\n", encoding="utf-8")
 
 
-def _head() -> str:
-    """What was asked, and what has been run of it."""
+Answered = tuple[int, str, list[Answer]]
+
+
+def _head(answered: list[Answered]) -> str:
+    """What was found, and what has been run for it."""
     entries = plan.read()["tasks"]
     done = rows.tasks()
-    lines = [
-        "# Does spiking adaptation help, and where?",
+    lines = ["# Does spiking adaptation help, and where?", ""]
+    for number, ask, found in answered:
+        lines += [f"{number}. {ask}", *(f"   * {line}" for line in _in_short(found))]
+    lines += [
         "",
-        "Written by `python -m tests.studies.comparison page` from the rows in `docs/study/rows`. "
-        "The questions, the contestants, the runs and the rules were registered before the first "
-        "of these runs: [the plan](study/plan.md).",
+        "Ratios of errors, below 1 if the first named is better; a verdict needs a corrected p "
+        f"below {judge.LEVEL:g} and no more failed runs than the other has. Written by `python -m "
+        "tests.studies.comparison page` from the rows in `docs/study/rows`. [The "
+        "plan](study/plan.md) was committed before the first run; [what was changed "
+        "later](#what-was-registered-and-when) limits what the verdicts are worth.",
         "",
         "**What has been run.** " + " ".join(_run_of(task) for task in done),
-        "",
     ]
     missing = [str(entry["title"]) for task, entry in entries.items() if task not in done]
     if missing:
-        lines += [f"**Registered and not run yet**: {'; '.join(missing)}.", ""]
-    lines += [f"* {line}" for line in register.told()]
+        lines += ["", f"**Registered and not run yet**: {'; '.join(missing)}."]
     return "\n".join(lines)
+
+
+def _in_short(found: list[Answer]) -> Iterator[str]:
+    """How often which verdict, and from which ratio to which, for each pair."""
+    for one, other in dict.fromkeys((line.one, line.other) for line in found):
+        own = [line.contrast for line in found if (line.one, line.other) == (one, other)]
+        words = [each.word for each in own]
+        said = [
+            f"**{word}** in {words.count(word)} of {len(own)}" for word in COLOURS if word in words
+        ]
+        ends = sorted(math.exp(each.mean) for each in own)
+        ratios = f"{ends[0]:.2f}" + f" to {ends[-1]:.2f}" * (len(own) > 1)
+        yield f"{one} against {other}: {', '.join(said)}; ratio {ratios}."
+
+
+def _registered() -> str:
+    lines = ["## What was registered, and when", ""]
+    return "\n".join([*lines, *(f"* {line}" for line in register.told())])
 
 
 def _run_of(task: str) -> str:
@@ -101,8 +125,17 @@ def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
             "–" if line.contrast.failed == (0, 0) else "{} and {}".format(*line.contrast.failed)
         )
         cells = [_group(line), _measure(line), line.one, line.other, ratio(line.contrast)]
-        lines.append(f"| {' | '.join([*cells, line.contrast.word, failed])} |")
+        lines.append(f"| {' | '.join([*cells, _verdict(line.contrast), failed])} |")
     return "\n".join([*lines, "", "</details>"])
+
+
+def _verdict(one: Contrast) -> str:
+    """The verdict; of an undecided one, what keeps it from another."""
+    if one.word != "undecided":
+        return one.word
+    if one.p < judge.LEVEL:
+        return "undecided: more runs of the better one failed"
+    return "undecided" + ": by the corrected p" * (one.low > 0.0 or one.high < 0.0)
 
 
 def _words(found: list[Answer]) -> Iterator[str]:
@@ -145,7 +178,9 @@ def _figure(found: list[Answer]) -> Figure:
     axes.set_yticks(range(len(found)), labels, fontsize=7)
     axes.set_ylim(len(found) - 0.4, -0.6)
     axes.set_xscale("log")
-    ticks = [t for t in (0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10) if _within(t, found)]
+    ticks = [
+        t for t in (0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if _within(t, found)
+    ]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks], fontsize=8)
     axes.minorticks_off()
     axes.set_xlabel("ratio of errors", fontsize=8)
@@ -165,6 +200,7 @@ def _contestants(task: str) -> str:
     """The table of a task: errors, how far tunings agree, the effort, the worst condition."""
     entry = plan.read()["tasks"][task]
     lines = [f"## {entry['title']}: all contestants", "", *_spread_words(task), ""]
+    lines += [*_effort_words(task), ""]
     for group, about in entry["groups"].items():
         lines += [f"<details><summary>{about['title']}</summary>", ""]
         lines += [
@@ -209,6 +245,25 @@ def _spread_words(task: str) -> Iterator[str]:
     )
 
 
+def _effort_words(task: str) -> Iterator[str]:
+    """Whose effort is above the limit that held in training."""
+    entry = plan.read()["tasks"][task]
+    limit, most = entry["effort"], []
+    for group, about in entry["groups"].items():
+        effort = judge.raw(task, "effort", group)
+        above = {name: x for name, x in effort.items() if x > limit}
+        if above:
+            who = "all" if len(above) == len(effort) else ", ".join(sorted(above))
+            most.append(f"{about['title']}: {who}, up to {max(above.values()):.3f}")
+    if most:
+        yield (
+            f"**Efforts are not equal.** Held out, the mean effort is above the limit of training, "
+            f"{limit:g}, in {'; '.join(most)}."
+        )
+    else:
+        yield f"Held out, every mean effort is below the limit of training, {limit:g}; they differ."
+
+
 def _costs() -> str:
     """What each contestant needs as C."""
     lines = [
@@ -230,7 +285,7 @@ def _costs() -> str:
 
 
 COVERED = """* Of 1,000 simulated studies of {tunings} tunings, {conditions} conditions and {seeds}
-  seeds, {interval} of the 95 % intervals hold the truth ({bootstrap} of those by a bootstrap)."""
+  seeds, {interval} of the 95 % intervals hold the truth; of 250 by a bootstrap, {bootstrap}."""
 FOOT = """## How to read this
 
 * **Better**, **worse**: the ratio differs from 1. **Equivalent**: it is within 1/{margin} and
@@ -242,6 +297,8 @@ FOOT = """## How to read this
   task's limit.
 * **Effort**: root mean square of the command's change from one tick to the next, at the rate at
   which it changes. Training runs must stay below the task's limit; held out it is only reported.
+* The *oracle* takes the fault, which it knows, out of the command of a tuned LQR. It is no bound:
+  it knows neither noise nor what the LQR itself leaves, and a ratio below 1 against it is possible.
 * *One setting* is what the graphs ship: it was found in an earlier study, on three other graphs
   (`tests/studies/settings`), and is not changed here."""
 

@@ -11,8 +11,11 @@ commit's subject; anything that a condition, a contestant or a range depends on 
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from typing import Any
+
+import yaml
 
 from runtime.errors import UsageError
 from tests.studies.comparison import plan, rows
@@ -20,6 +23,9 @@ from tests.studies.comparison import plan, rows
 ROOT = plan.FOLDER.parents[1]
 # What the numbers depend on, besides the package itself.
 REGISTERED = ("docs/study/*.yaml", "docs/study/plan.md", "tests/studies/comparison/plan.py")
+
+# No run depends on these; a task that is like another has that one's entries in it.
+WORDS = ("title", "unit", "scale", "measures", "contestants", "only", "like")
 
 
 def _git(*arguments: str) -> list[str]:
@@ -51,21 +57,50 @@ def problems() -> Iterator[str] | list[str]:
     registered = commits()
     if not registered:
         return ["the plan is not committed"]
-    name, first, _ = registered[0]
     told = plan.read()["deviations"]
     found = [
         f"{hash_} changes the plan ({subject}), and no line of deviations names it"
         for hash_, _, subject in registered[1:]
         if not any(subject in line for line in told)
     ]
+    history = [(hash_, at, _plan_of(hash_)) for hash_, at, _ in registered]
     for task in rows.tasks():
         for (contestant, tuning), began in rows.began(task).items():
-            if began < first:
+            name, since = _since(history, task, contestant)
+            if began < since:
                 found.append(
                     f"{task}: {contestant}, tuning {tuning} began {began:%Y-%m-%d %H:%M:%S}, "
-                    f"before the plan was committed ({name}, {first:%Y-%m-%d %H:%M:%S})"
+                    f"before its entry was committed ({name}, {since:%Y-%m-%d %H:%M:%S})"
                 )
     return found
+
+
+def _plan_of(commit: str) -> dict[str, Any]:
+    """The plan as it was at a commit."""
+    text = "\n".join(_git("show", f"{commit}:./docs/study/plan.yaml"))
+    return plan.expanded(yaml.safe_load(text))
+
+
+def _since(
+    history: Sequence[tuple[str, datetime, dict[str, Any]]], task: str, contestant: str
+) -> tuple[str, datetime]:
+    """The newest commit that changed what a contestant of a task is, or how it is tuned."""
+    newest, before = history[0][:2], None
+    for name, at, version in history:
+        entry = _entry(version, task, contestant)
+        if entry != before:
+            newest, before = (name, at), entry
+    return newest
+
+
+def _entry(version: dict[str, Any], task: str, contestant: str) -> Any:
+    """What the runs of a contestant depend on; None if the plan does not have it."""
+    entry = version["tasks"].get(task, {})
+    if contestant not in entry.get("contestants", {}):
+        return None
+    common = {key: value for key, value in entry.items() if key not in WORDS}
+    settings = {key: version.get(key) for key in plan.SETTINGS}
+    return settings | common | {"own": entry["contestants"][contestant]}
 
 
 def told() -> list[str]:
