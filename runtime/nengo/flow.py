@@ -18,6 +18,7 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
+from runtime.nengo.convolution import TRANSFORMS, convolution_matrix
 
 
 @dataclass(eq=False)
@@ -197,6 +198,8 @@ class Flow:
         if hasattr(weights, "toarray"):
             weights = weights.toarray()
         weights = np.asarray(weights, dtype=float)
+        if isinstance(connection.transform, TRANSFORMS):
+            return convolution_matrix(connection.transform, weights)
         if weights.ndim < 2:
             return np.diag(weights) if weights.ndim else weights * np.eye(columns)
         if weights.shape != (connection.size_out, columns):
