@@ -157,10 +157,11 @@ class SecondOrderSynapse(_TwoPoles, label="second_order"):
 
 
 class LinearSynapse(Synapse, label="linear"):
-    """num(s) / den(s), polynomials with the highest power first."""
+    """num(s) / den(s), polynomials with the highest power first; of z for ``discrete``."""
 
     num: FloatArray = param(shape=(None,), doc="coefficients of the numerator")
     den: FloatArray = param(shape=(None,), doc="coefficients of the denominator")
+    discrete: bool = param(False, doc="the polynomials are of z, for the step of the block")
     order = -1  # of its parameters
 
     def wrong(self) -> list[tuple[str, str]]:
@@ -183,7 +184,7 @@ class LinearSynapse(Synapse, label="linear"):
         system[0, :n], system[0, n] = -den, 1.0
         system[range(1, n), range(n - 1)] = 1.0
         c, d = num[1:] - num[0] * den, num[0]
-        stepped = _exponential(system * dt)
+        stepped = system if self.discrete else _exponential(system * dt)
         a, b = stepped[:n, :n], stepped[:n, n]
         # A last row for the output: with a direct term as it is, and else of the step that ends
         # now, as for the other synapses.

@@ -61,9 +61,12 @@ def synapse_entry(synapse: Any) -> Any:
         return f"alpha({synapse.tau:g})"
     if isinstance(synapse, nengo.Triangle):
         return f"triangle({synapse.t:g})"
-    if isinstance(synapse, nengo.LinearFilter) and synapse.analog:
+    if isinstance(synapse, nengo.LinearFilter):
         num, den = (np.asarray(each, dtype=float).tolist() for each in (synapse.num, synapse.den))
-        return {"type": "linear", "num": num, "den": den}
+        if len(den) == 1:
+            raise UsageError(f"{synapse!r} is a gain, which is not read; put it into the transform")
+        discrete = {} if synapse.analog else {"discrete": True}
+        return {"type": "linear", "num": num, "den": den, **discrete}
     raise UsageError(
         f"{synapse!r} is not read; expected a Lowpass, Alpha, Triangle or LinearFilter"
     )

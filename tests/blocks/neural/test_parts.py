@@ -143,6 +143,19 @@ SYNAPSES = [
         nengo.LinearFilter([1e4, 5], [2, 30, 200, 1e4]),
     ),
     ({"type": "linear", "num": [5], "den": [0.01, 5]}, nengo.LinearFilter([5], [0.01, 5])),
+    *(
+        (
+            {"type": "linear", "num": num, "den": den, "discrete": True},
+            nengo.LinearFilter(num, den, analog=False),
+        )
+        for num, den in (
+            ([0.1], [1, -0.9]),
+            ([0.2, 0.1], [2, -1.8]),
+            ([0.05, 0.02], [1, -1.5, 0.57]),
+            ([0.05], [1, -1.5, 0.57]),
+            ([0.05, 0.02, 0.01], [1, -1.5, 0.57]),
+        )
+    ),
 ]
 
 

@@ -199,7 +199,7 @@ def test_functions_are_recognised_by_their_values(function: Any, d: int, expecte
         ("import nengo\nwith nengo.Network() as m:\n"
          "  a = nengo.Ensemble(9, 1)\n"
          "  nengo.Connection(a, a, synapse=nengo.LinearFilter([1], [1], analog=False))\n",
-             "expected a Lowpass"),
+             "is a gain, which is not read; put it into the transform"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_said(tmp_path: Path, cli: Run, text: str, expected: str) -> None:
