@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,41 +24,71 @@ from blocks.core import (
 
 
 class Select(Block):
-    """Pick components of signals, in any order.
+    """Pick components of signals, in any order, or leave some out.
 
         inputs[0], inputs[1], ... ─▶ [ Select ] ─▶ out
 
     out = the components of all inputs, counted through from 0, at the given indices: a vector with
-    as many components as indices. One component of one signal needs no block: ``a.out[1]``.
+    as many components as indices. With ``without`` in place of ``indices``, all others in their
+    order. One component of a signal, or a range of them, needs no block: ``a.out[1]``,
+    ``a.out[0:4]``.
     """
 
     inputs = Input(Scalar, variadic=True, spread="inputs", doc="numbers, records or vectors")
     out = Output(Vector("chosen"), doc="the chosen components")
 
-    indices: FloatArray = param(
+    indices: FloatArray | None = param(
+        None,
         at_least=0.0,
         shape=(None,),
         doc="which components, from 0: a list, or '[i for i in range(8) if i != 3]'",
     )
+    without: FloatArray | None = param(
+        None, at_least=0.0, shape=(None,), doc="which components to leave out, from 0"
+    )
 
     def validate(self) -> None:
-        if (self.indices % 1.0).any() or not len(self.indices):
-            message = f"expected a list of integers, got {self.indices.tolist()}"
+        if (self.indices is None) == (self.without is None):
+            given = "neither" if self.indices is None else "both"
+            message = f"expected either indices or without, got {given}"
             raise ParameterError([("indices", message)])
+        name, numbers = self._given
+        if (numbers % 1.0).any() or not len(numbers):
+            message = f"expected a list of integers, got {numbers.tolist()}"
+            raise ParameterError([(name, message)])
+
+    @property
+    def _given(self) -> tuple[str, FloatArray]:
+        if self.indices is not None:
+            return "indices", self.indices
+        return "without", np.zeros(0) if self.without is None else self.without
 
     def sizes(self) -> dict[str, int]:
-        return {"chosen": len(self.indices)} if "indices" in self.__dict__ else {}
+        indices = self.__dict__.get("indices")
+        return {} if indices is None else {"chosen": len(indices)}
+
+    def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
+        if self.without is None or "inputs" not in lengths:
+            return {}
+        return {"chosen": max(lengths["inputs"] - len(np.unique(self.without)), 0)}
 
     def validate_in(self, context: BlockContext) -> None:
-        count = context.count("inputs")
-        if self.indices.max() >= count:
+        count, (name, numbers) = context.count("inputs"), self._given
+        if not count:
+            raise ParameterError([("inputs", "expected at least one signal to choose from")])
+        if numbers.max() >= count:
             message = f"expected numbers from 0 to {count - 1}, since the inputs have "
-            message += f"{count} components, got {self.indices.max():g}"
-            raise ParameterError([("indices", message)])
+            message += f"{count} components, got {numbers.max():g}"
+            raise ParameterError([(name, message)])
+        if self.indices is None and len(np.unique(numbers)) == count:
+            raise ParameterError([(name, f"leaves none of the {count} components")])
 
     def start(self, state: BlockState) -> None:
-        state.count = len(self.indices)
-        state.indices = self.indices.astype(np.int64)
+        name, numbers = self._given
+        if name == "without":
+            numbers = np.setdiff1d(np.arange(state.context.count("inputs")), numbers)
+        state.count = len(numbers)
+        state.indices = numbers.astype(np.int64)
 
     def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
         out = np.zeros(state.count)

@@ -296,6 +296,7 @@ class _Inference:
             if width and spread not in target.lengths:
                 target.lengths[spread] = width
                 changed.append(wire.block)
+                self.derive(wire.block)
             return changed
         coming = _concrete(self.arriving(wire))
         number = self.fills(wire) and (coming is None or is_number(coming))

@@ -219,7 +219,7 @@ class Grower:
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
         for name, value in REQUIRED.get(cls.__name__, {}).items():
             # A Decoder's weights are for one size of population, and it has others without.
-            if cls.spec.params[name].required or cls.__name__ in COUNTS:
+            if cls.spec.params[name].required or cls.__name__ in (*COUNTS, "Select"):
                 found.setdefault(name, value)
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
             found.update(tau_ref=0.06, max_rates=[5.0, 12.0])

@@ -156,12 +156,27 @@ def test_routing() -> None:
     np.testing.assert_array_equal(found, joined)
     chosen = respond({"type": "Select", "indices": [4, 0, 2]}, {"inputs": [A, ROWS, B]})
     np.testing.assert_array_equal(chosen, joined[:, [4, 0, 2]])
+    others = respond({"type": "Select", "without": [4, 1, 4]}, {"inputs": [A, ROWS, B]})
+    np.testing.assert_array_equal(others, np.delete(joined, [4, 1], axis=1))
     number = np.arange(50) % 4 - 0.6
     switched = respond({"type": "MultiportSwitch"}, {"select": number, "inputs": [A, B, -A]})
     expected = np.choose(np.clip(np.round(number), 0, 2).astype(int), [A, B, -A])
     np.testing.assert_array_equal(switched, expected)
-    message = problems({"type": "Select", "indices": [3]}, ["Vector"], "inputs")
-    assert "expected numbers from 0 to 2" in message
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"indices": [3]}, "expected numbers from 0 to 2"),
+        ({"without": [3]}, "expected numbers from 0 to 2"),
+        ({"without": [0, 1, 2]}, "leaves none of the 3 components"),
+        ({}, "expected either indices or without, got neither"),
+        ({"indices": [0], "without": [1]}, "expected either indices or without, got both"),
+        ({"without": [0.5]}, "expected a list of integers"),
+    ],
+)
+def test_what_cannot_be_selected_is_said(given: dict[str, Any], expected: str) -> None:
+    assert expected in problems({"type": "Select", **given}, ["Vector"], "inputs")
 
 
 GRAPH: dict[str, Any] = {
