@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Container, Mapping
 from pathlib import Path
 
@@ -204,14 +206,26 @@ def index_file() -> str:
     return f"{INDEX}TYPES = {{\n{types}}}\nOTHERS = {{\n{others}}}\n"
 
 
-if __name__ == "__main__":
+def main() -> int:
+    """Write what is generated."""
     docs = Path(__file__).parents[2] / "docs"
-    (docs.parent / "blocks" / "index.py").write_text(index_file(), encoding="utf-8")
+    index, text = docs.parent / "blocks" / "index.py", index_file()
+    if index.read_text(encoding="utf-8") != text:
+        index.write_text(text, encoding="utf-8")
+        # This process has imported the index as it was, with a room that is gone.
+        return subprocess.call([sys.executable, "-m", "runtime.cli.describe"])
     (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
     (docs / "blocks").mkdir(exist_ok=True)
-    for name, page in blocks_pages().items():
+    pages = blocks_pages() | {
+        "observing.md": observing_page(),
+        "api.txt": listing(),
+        "expressions.md": expressions_page(),
+        "gallery.md": gallery_page(),
+    }
+    for name, page in pages.items():
         (docs / name).write_text(page, encoding="utf-8")
-    (docs / "observing.md").write_text(observing_page(), encoding="utf-8")
-    (docs / "api.txt").write_text(listing(), encoding="utf-8")
-    (docs / "expressions.md").write_text(expressions_page(), encoding="utf-8")
-    (docs / "gallery.md").write_text(gallery_page(), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
