@@ -76,7 +76,7 @@ def compiled() -> Loops:
             each
             for each in known
             if written(each.kinds["scan"].shape) == few
-            and each.kernel.fits(fitter.block, fitter.state)
+            and each.kernel.fitting(fitter.block, fitter.state) is not None
         )
         compiled = next(fits, None)
         if compiled is None:
