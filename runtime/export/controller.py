@@ -27,6 +27,7 @@ from runtime.export.recording import (
 )
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
+from runtime.export.templates import CMAKE
 from runtime.export.units import measure, write_units
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
@@ -114,6 +115,8 @@ def export(
     files["report.txt"] = report(layout, about, native, sizes, tolerance, replay, float32)
     with system_errors(f"write to '{folder}'"):
         place = own_folder(Path(folder))
+        if not (place / "CMakeLists.txt").exists():  # somebody's own build stays as it is
+            files["CMakeLists.txt"] = CMAKE.substitute(name=name)
         for file, content in files.items():
             write_whole(own_file(place / file), content)
     inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
