@@ -113,15 +113,21 @@ def export(
     sizes = cortex_sizes(files)
     files[f"{name}_test.c"] = test(layout, replay, tolerance, reason, float32)
     files["report.txt"] = report(layout, about, native, sizes, tolerance, replay, float32)
-    with system_errors(f"write to '{folder}'"):
-        place = own_folder(Path(folder))
-        if not (place / "CMakeLists.txt").exists():  # somebody's own build stays as it is
-            files["CMakeLists.txt"] = CMAKE.substitute(name=name)
-        for file, content in files.items():
-            write_whole(own_file(place / file), content)
+    place = _written(files, folder, name)
     inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
     told = layout.members, bool(layout.learnt)
     return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told)
+
+
+def _written(files: dict[str, str], folder: str | Path, name: str) -> Path:
+    """The folder that has the files now, and a build of them unless there is one already."""
+    with system_errors(f"write to '{folder}'"):
+        place = own_folder(Path(folder))
+        if not (place / "CMakeLists.txt").exists():
+            files["CMakeLists.txt"] = CMAKE.substitute(name=name)
+        for file, content in files.items():
+            write_whole(own_file(place / file), content)
+    return place
 
 
 def layout_of(
