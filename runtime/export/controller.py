@@ -173,7 +173,9 @@ def _check(native: Native, float32: bool) -> None:
     """
     for port, apart in native.largest.items():
         if not float32 and not apart <= TOLERANCE:
-            message = f"the C text gives another '{'.'.join(port)}' than the graph, by {apart:.3g}"
+            message = (
+                f"the exported C gives another '{'.'.join(port)}' than the graph, by {apart:.3g}"
+            )
             chaos = f"--ticks {native.equal}" if native.equal else "fewer --ticks"
             raise UsageError(
                 f"{message}, from tick {native.equal} on: nothing was written. If the graph makes "

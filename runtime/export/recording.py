@@ -133,7 +133,7 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
         failure = step(*places)
         if failure and not (failure == stopped and tick + 1 == replay.ticks):
             text = message(failure).decode()
-            raise UsageError(f"the exported text fails at tick {tick} of the recording: {text}")
+            raise UsageError(f"the exported C fails at tick {tick} of the recording: {text}")
         found[tick] = made
     largest, equal = _apart(layout, replay, found, float32)
     return Native(largest, equal, int(getattr(library, f"{name}_used")(places[0])), size)

@@ -41,7 +41,7 @@ def as_text(plain: dict[str, Any]) -> str:
     """The text; UsageError for an array with too many numbers for one."""
     for address, array in arrays_in(plain):
         if not array.origin and array.values.size > MAX_TEXT:
-            message = f"{array.values.size} numbers are too many for a text"
+            message = f"{array.values.size} numbers are too many for a YAML file"
             raise UsageError(f"{address}: {message}; graph.save(FILE) writes them beside it")
     return dump_yaml(plain)
 

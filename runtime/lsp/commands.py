@@ -1,4 +1,4 @@
-"""Commands of the server: the diagram of a text as it is, and runs of a saved graph.
+"""Commands of the server: the diagram of a document as it is, and runs of a saved graph.
 
 Each answers with plain data; editors without an interface of their own show what it writes to disk.
 """
@@ -56,7 +56,7 @@ def add_commands(server: LanguageServer, session: Session) -> None:
 
 
 def _diagram(session: Session, uri: str) -> dict[str, str]:
-    """The diagram of a text as SVG, or why there is none."""
+    """The diagram of a document as SVG, or why there is none."""
     from runtime.diagrams import diagram
 
     model = session.model(uri)

@@ -1,4 +1,4 @@
-"""The requests of an editor about a text."""
+"""The requests of an editor about a document."""
 
 from __future__ import annotations
 

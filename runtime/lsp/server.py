@@ -23,7 +23,7 @@ from runtime.lsp.session import Session
 
 STDOUT, STDERR = 1, 2
 PATIENCE = 0.3  # how long a request waits for the import of a user's file, s
-PAUSE = 0.02  # how long to wait for more edits before a text is checked, s
+PAUSE = 0.02  # how long to wait for more edits before a document is checked, s
 
 
 def _is_news(record: logging.LogRecord) -> bool:
@@ -33,7 +33,7 @@ def _is_news(record: logging.LogRecord) -> bool:
 
 
 class _Checks:
-    """Publishes diagnostics of open texts, after the last of the edits that came together."""
+    """Publishes diagnostics of open documents, after the last of the edits that came together."""
 
     def __init__(self, server: LanguageServer, session: Session) -> None:
         self.server, self.session = server, session
@@ -42,7 +42,7 @@ class _Checks:
         self.first = ""
 
     def ask(self, uri: str = "") -> None:
-        """Check all open texts soon, one of them first."""
+        """Check all open documents soon, one of them first."""
         self.session.changed()
         self.first = uri or self.first
         if self.timer is not None:
@@ -90,7 +90,7 @@ def make_server(modules: bool = True) -> LanguageServer:
 def _add_texts(
     server: LanguageServer, session: Session, checks: _Checks, isolation: Isolation | None
 ) -> None:
-    """What happens as texts are opened, changed, saved and closed."""
+    """What happens as documents are opened, changed, saved and closed."""
 
     @server.feature(types.INITIALIZED)
     def initialized(ls: LanguageServer, params: types.InitializedParams) -> None:
@@ -135,7 +135,7 @@ def _add_texts(
 
 
 def _soon(loop: asyncio.AbstractEventLoop, checks: _Checks) -> None:
-    """Check the texts again, asked for by a thread that waited for an import."""
+    """Check the documents again, asked for by a thread that waited for an import."""
     if not loop.is_closed():
         loop.call_soon_threadsafe(checks.ask)
 

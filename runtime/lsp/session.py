@@ -27,9 +27,10 @@ def path_of(uri: str) -> Path:
 
 
 class Session:
-    """The open texts of one editor.
+    """The open documents of one editor.
 
-    Models are kept until anything changes: a text, a file, or what a module turned out to define.
+    Models are kept until anything changes: a document, a file, or what a module turned out to
+    define.
     """
 
     def __init__(self, server: LanguageServer, isolation: Isolation | None) -> None:
@@ -75,13 +76,13 @@ class Session:
         return known[1]
 
     def closed(self, uri: str) -> None:
-        """Forget a text that was closed."""
+        """Forget a document that was closed."""
         self._models.pop(uri, None)
         self._earlier.forget(path_of(uri))
         self.changed()
 
     def place(self, uri: str, line: int, character: int) -> tuple[Model, int]:
-        """The model of a text, and the offset of an editor's position in it."""
+        """The model of a document, and the offset of an editor's position in it."""
         model = self.model(uri)
         return model, model.text.offset(line, character, self.encoding)
 
@@ -106,7 +107,7 @@ class Session:
         return Project(models.values())
 
     def files(self, model: Model) -> list[Path]:
-        """Graph files in the editor's folders, and in that of a text."""
+        """Graph files in the editor's folders, and in that of a document."""
         folders = [path_of(uri) for uri in self.server.workspace.folders]
         found: dict[Path, None] = {}
         for folder in [model.path.parent, *folders]:

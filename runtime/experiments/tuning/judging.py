@@ -3,8 +3,8 @@
 In: the runs of the baseline and of the winners. Out: a :class:`Judgement` per metric and
 configuration::
 
-    own 0.5 and 0.5; configuration 7: training 0.2, held out 0.4  ->  optimism -0.2 (of an error,
-                                                                      training promised too much)
+    baseline 0.5 and 0.5; configuration 7: training 0.2, held out 0.4
+    ->  optimism -0.2 (of an error: training promised too much)
 """
 
 from __future__ import annotations
