@@ -27,6 +27,7 @@ from runtime.export.recording import (
 )
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
+from runtime.export.templates import CMAKE
 from runtime.export.units import measure, write_units
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
@@ -112,13 +113,21 @@ def export(
     sizes = cortex_sizes(files)
     files[f"{name}_test.c"] = test(layout, replay, tolerance, reason, float32)
     files["report.txt"] = report(layout, about, native, sizes, tolerance, replay, float32)
-    with system_errors(f"write to '{folder}'"):
-        place = own_folder(Path(folder))
-        for file, content in files.items():
-            write_whole(own_file(place / file), content)
+    place = _written(files, folder, name)
     inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
     told = layout.members, bool(layout.learnt)
     return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told)
+
+
+def _written(files: dict[str, str], folder: str | Path, name: str) -> Path:
+    """The folder that has the files now, and a build of them unless there is one already."""
+    with system_errors(f"write to '{folder}'"):
+        place = own_folder(Path(folder))
+        if not (place / "CMakeLists.txt").exists():
+            files["CMakeLists.txt"] = CMAKE.substitute(name=name)
+        for file, content in files.items():
+            write_whole(own_file(place / file), content)
+    return place
 
 
 def layout_of(

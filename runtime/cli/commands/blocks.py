@@ -95,7 +95,8 @@ def _show_setting(member: type[Variant], known: dict[str, type[Block]], as_json:
 def _list(known: dict[str, type[Block]], word: str | None) -> None:
     """Print block types by family with one line each; only those that a word matches, if given.
 
-    With a word, also what parameters choose from: neuron models, solvers, distributions.
+    With a word, also what parameters choose from: neuron models, solvers, distributions; first what
+    is called so, then names that have the word in them.
     """
     from runtime.descriptions import families, matches, settings, summary
 
@@ -109,6 +110,15 @@ def _list(known: dict[str, type[Block]], word: str | None) -> None:
         rows = matches(setting, word)
         if rows:
             lists[f"for {', '.join(users)}"] = rows
+    if word:
+
+        def rank(row: tuple[str, str]) -> int:
+            """0 for a name that is the word, 1 for one with it, 2 for a mention."""
+            name = row[0].partition("(")[0].lower()
+            return 0 if name == word else 1 if word in name else 2
+
+        lists = {family: sorted(rows, key=rank) for family, rows in lists.items()}
+        lists = dict(sorted(lists.items(), key=lambda each: rank(each[1][0])))
     if not lists:
         raise UsageError(f"nothing has '{word}' in its name or description")
     width = max(len(name) for rows in lists.values() for name, _ in rows)

@@ -22,6 +22,12 @@ def test_every_setting_is_found_by_its_name(cli: Run, word: str) -> None:
     assert "for " in done.stdout
 
 
+@pytest.mark.parametrize("name", ["Direct", "LIF", "alpha", "pes", "Delay", "Gain"])
+def test_what_is_called_as_the_word_is_listed_first(cli: Run, name: str) -> None:
+    first = cli("blocks", "--search", name).stdout.split("\n")[1]
+    assert first.split()[0].partition("(")[0] == name
+
+
 def test_a_setting_is_found_by_its_parameters(cli: Run) -> None:
     """Poisson spikes are a choice of the rate models, and found there."""
     found = cli("blocks", "--search", "poisson").stdout

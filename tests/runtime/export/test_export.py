@@ -403,12 +403,32 @@ def test_weights_of_a_run_are_the_initial_ones(cli: Run, tmp_path: Path) -> None
     assert "50 ticks" in replayed(tmp_path / "out")
 
 
+@needs_compiler
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake")
+def test_cmake_builds_it_and_replays(case_a: Path, tmp_path: Path) -> None:
+    for command in (
+        ("cmake", "-S", case_a, "-B", tmp_path),
+        ("cmake", "--build", tmp_path),
+        ("cmake", "-E", "chdir", tmp_path, "ctest", "--output-on-failure", "--no-tests=error"),
+    ):
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert "100% tests passed" in done.stdout
+
+
+def test_a_build_that_is_there_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "CMakeLists.txt").write_text("project(own)\n")
+    made = export(runtime.load("starters/own_block"), tmp_path, ticks=5)
+    assert "CMakeLists.txt" not in made.files
+    assert (tmp_path / "CMakeLists.txt").read_text() == "project(own)\n"
+
+
 def test_the_command_line(cli: Run, tmp_path: Path) -> None:
     done = cli("export", *CONTROLLER, "out", "--name", "lqr", "--ticks", "20", "--json")
     assert done.returncode == 0, done.stderr
     assert '"limit.limited"' in done.stdout and '"plant.pose"' in done.stdout
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"lqr.c", "lqr.h", "lqr_test.c", "report.txt"}
+    assert names == {"lqr.c", "lqr.h", "lqr_test.c", "CMakeLists.txt", "report.txt"}
     assert "int lqr_step(struct lqr *c" in (tmp_path / "out" / "lqr.h").read_text()
     report = (tmp_path / "out" / "report.txt").read_text()
     assert "functions of math.h" in report and "every 1 or 10 steps" in report
