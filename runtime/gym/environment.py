@@ -89,7 +89,7 @@ class GraphEnv(gymnasium.Env):  # type: ignore[misc]
         judged = [what for what in (reward, terminated) if isinstance(what, str)]
         seen = [str(port.end) for port in network.outputs.values()]
         self._read = tuple(dict.fromkeys([*seen, *judged, *self._info]))
-        # By place and not by address: a step of a small graph takes 25 us, a dict of what was read 1.
+        # By place and not by address: of the 25 us of a small graph's step, a dict takes 1.
         self._at = {address: place for place, address in enumerate(self._read)}
         self._seen_at = [self._at[address] for address in seen]
         self._last = network.ticks
