@@ -101,7 +101,8 @@ class BlockState:
         self.__dict__.update({name: array.view() for name, array in arrays.items()})
         self.context = context
         self.dt = context.dt
-        self.seed = seed
+        self.reseed(seed)
+        self.is_seed_read = False
         self.published: Mapping[str, Any] = {}
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -114,6 +115,20 @@ class BlockState:
             held[name] = value.view()
         else:
             held[name] = value
+
+    @property
+    def seed(self) -> np.random.SeedSequence:
+        """The block's own seed. That it was read is kept: the state may depend on it from then on.
+
+        ``is_seed_read`` says so; ``rng`` reads it, too.
+        """
+        self.is_seed_read = True
+        seed: np.random.SeedSequence = self.__dict__["seed"]
+        return seed
+
+    def reseed(self, seed: np.random.SeedSequence) -> None:
+        """Give the block another seed; a generator that was made of the last one stays."""
+        self.__dict__["seed"] = seed
 
     @cached_property
     def rng(self) -> np.random.Generator:

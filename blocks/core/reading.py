@@ -19,7 +19,7 @@ RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
 # The first arguments of a method, which an input of that name could not be told from.
 RESERVED_INPUTS = ("self", "state", "t")
-RESERVED_STATES = ("context", "dt", "seed", "rng", "published", "_declared")
+RESERVED_STATES = ("context", "dt", "seed", "is_seed_read", "rng", "published", "_declared")
 
 
 def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:

@@ -6,7 +6,7 @@ the blocks that changed start again; all others get back what they had before th
 
     seed   block that changes     starts again
     7      pid                    pid: no decoder is solved, no neuron drawn
-    8      none                   all, since any may draw
+    8      none                   those that draw: populations, but no controller
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from blocks.core import Block
 from runtime.engine.engine import Engine
@@ -49,7 +51,10 @@ def begin_again(
     anew = [n for n, each in entries.items() if each.block is not before.entries[n].block]
     changed = set(anew)
     if seed != state.seed:
-        state.seed, anew = seed, list(entries)
+        state.seed = seed
+        anew = [name for name in entries if name in changed or _draws(state, name)]
+        for name in entries.keys() - set(anew):  # one may draw for the first time in this run
+            state.blocks[name].reseed(_seed(state, name, entries[name].seed))
     engine.network = engine.diagnosis.network = engine.starting.network = network
     for name in changed:
         engine.namespace[engine.program.names.blocks[name]] = entries[name].block
@@ -73,4 +78,18 @@ def _forget(state: RunState, name: str, own_seed: int | None) -> None:
         del held[key]
     for key in held["_declared"]:
         held[key][...] = 0.0
-    block.seed = seed_of(state.seed if own_seed is None else own_seed, name)
+    block.reseed(_seed(state, name, own_seed))
+
+
+def _draws(state: RunState, name: str) -> bool:
+    """Whether what a block has before the first tick may depend on the seed of the run.
+
+    Of an own block nobody knows: it may have a generator that is not of its state. What a block
+    reads when it starts may be of one that draws, as a decoder's neurons are.
+    """
+    block = state.blocks[name]
+    return name in state.own or block.is_seed_read or bool(block.published)
+
+
+def _seed(state: RunState, name: str, own_seed: int | None) -> np.random.SeedSequence:
+    return seed_of(state.seed if own_seed is None else own_seed, name)

@@ -37,7 +37,7 @@ Layout = dict[str, tuple[int, tuple[int, ...]]]
 LINE = 8  # the numbers of a cache line
 Restored = Callable[[], None]
 # What an engine gives every block, and what cannot change.
-GIVEN = frozenset(("_declared", "context", "dt", "seed", "published"))
+GIVEN = frozenset(("_declared", "context", "dt", "seed", "is_seed_read", "published"))
 FIXED: tuple[type, ...] = (int, float, complex, str, bytes, type(None), np.generic)
 FIXED += (type, types.FunctionType, types.BuiltinFunctionType, types.ModuleType)
 FIXED += (np.random.SeedSequence,)

@@ -207,3 +207,28 @@ def test_a_worker_uses_the_engine_of_the_trial_before(monkeypatch: pytest.Monkey
     assert kept.metrics == second.metrics
     assert kept.result.texts["graph.resolved.yaml"].count("gain: 0.7") == 1
     np.testing.assert_array_equal(kept.result.probes["speed"].values, values)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_another_seed_starts_what_draws_and_what_reads_it(
+    engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if engine == "compiled":
+        skip_without_compiler()
+    graph = runtime.load(SWEPT).set("run.engine", engine)
+    runs = RepeatedRuns(graph)
+    compared(runs, graph, {}, 1)
+    started: list[str] = []
+    for name, entry in graph.network.entries.items():
+        start = entry.cls.start
+
+        def noted(block: Any, state: Any, name: str = name, start: Any = start) -> None:
+            started.append(name)
+            start(block, state)
+
+        monkeypatch.setattr(entry.cls, "start", noted)
+    assert runs.run({}, 2, whole=False).status == "complete"
+    # The noise draws in its output, the cells when they start, and the decoder reads the cells.
+    assert sorted(started) == ["cells", "noise", "read"]
+    monkeypatch.undo()
+    assert compared(runs, graph, {}, 3)
