@@ -20,6 +20,8 @@ class Diagnosis:
     seen: dict[str, list[float]] = field(init=False)
     moments: list[int] = field(init=False)
     total: int = field(init=False)
+    # Of a trial nobody reads the notes, and eight moments cut its ticks into as many calls.
+    is_wanted: bool = field(init=False, default=True)
 
     def __post_init__(self) -> None:
         blocks = {name: type(entry.block) for name, entry in self.network.entries.items()}
@@ -33,13 +35,13 @@ class Diagnosis:
 
     def boundary(self, tick: int) -> int:
         """The next tick before which blocks are watched; the end of the run if there is none."""
-        if not self.moments:
+        if not (self.moments and self.is_wanted):
             return self.total
         return next((moment for moment in self.moments if moment > tick), self.total)
 
     def look(self, tick: int) -> None:
         """Store what the blocks return before this tick."""
-        if tick in self.moments:
+        if self.is_wanted and tick in self.moments:
             for name, values in self.seen.items():
                 values.append(float(self.network.entries[name].block.watch(self.states[name])))
 

@@ -104,6 +104,7 @@ def simulate(
             _begin_recording(graph, engine, began, folder)
     if checkpoints is not None:
         progress = checkpoints.begin(engine, progress)
+    engine.diagnosis.is_wanted = whole
     outcome = engine.run(progress, None if pacing is None else partial(pacing.advance, engine))
     result = result_of(graph, engine, outcome, began, whole)
     if pacing is not None:
