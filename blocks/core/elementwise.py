@@ -104,7 +104,8 @@ def check_sized(kind: SignalType, name: str, value: FloatArray | None) -> None:
 
 def spread_to(value: FloatArray | float | None, size: int, absent: float = 0.0) -> FloatArray:
     """A parameter as ``size`` numbers: one for all components, or one for each."""
-    return np.broadcast_to(np.asarray(absent if value is None else value, float), (size,)).copy()
+    # By 1.0 and not by a dtype: an export traces this with stand-ins for numbers.
+    return np.broadcast_to(1.0 * np.asarray(absent if value is None else value), (size,)).copy()
 
 
 def check_ascending(points: FloatArray, name: str, what: str = "numbers", unit: str = "") -> None:

@@ -72,13 +72,17 @@ def report(
     rates = sorted({call.gate.every for call in selection.calls})
     lines = [*about, ""]
     step = f"{selection.network.dt:g} {selection.network.time_unit}"
-    lines.append(f"Steps of {step}; blocks run every {_listed(rates)} steps.")
+    often = (
+        "every block runs at each" if rates == [1] else f"blocks run every {_listed(rates)} steps"
+    )
+    lines.append(f"Steps of {step}; {often}.")
     lines.append("")
     lines += ["Memory"]
     if native is not None:
-        lines.append(f"  struct {name}: {native.size} bytes, of which the arena has")
-        used = f"{native.arena} of them were used"
-        lines.append(f"    {8 * layout.arena_words} ({used} in the recorded run)")
+        lines.append(f"  struct {name}: {native.size} bytes, the arena included")
+        lines.append(
+            f"  arena: {8 * layout.arena_words} bytes, {native.arena} used in the recorded run"
+        )
     if sizes is not None:
         what = "Cortex-M4 (arm-none-eabi-gcc -O2)"
         lines.append(f"  {what}: {sizes['text']} bytes of code and constants,")

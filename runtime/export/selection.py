@@ -100,7 +100,8 @@ def _meant(network: Network, names: Iterable[str]) -> frozenset[str]:
     for name in names:
         inside = {n for n in network.entries if n == name or n.startswith(f"{name}.")}
         if not inside:
-            suggestion = hint(name, (*network.entries, *parts))
+            known = sorted({*network.entries, *parts})
+            suggestion = hint(name, known) or f"; it has {', '.join(known)}"
             raise UsageError(f"'{network.title}' has no block or part '{name}'{suggestion}")
         found |= inside
     return frozenset(found)

@@ -114,10 +114,7 @@ def followed(
     traced, direct = list[Tunable](), list[Tunable]()
     words, others = dict[str, tuple[str, ...]](), dict[str, tuple[str, ...]]()
     for one in _tunables(name, block, members):
-        try:
-            found = _traced(block, state, attributes, [*traced, one])
-        except Exception:  # noqa: BLE001 -- what a stand-in cannot do ends in any of many errors
-            found = {}
+        found = _found(block, state, attributes, [*traced, one])
         own = f"self_{block.spec.attributes.get(one.path, '')}"
         changed = () if found else _changed(block, state, attributes, one)
         is_direct = changed == (own,)
@@ -180,17 +177,35 @@ def _is_cached(member: Any) -> bool:
     return isinstance(member, cached_property)
 
 
-def _traced(
+def _found(
     block: Block, state: BlockState, attributes: tuple[tuple[str, str], ...], all_of: list[Tunable]
 ) -> dict[str, tuple[str, ...]]:
-    """The expressions of the words that follow from stand-ins."""
+    """What :func:`_traced` finds; nothing if start does what a stand-in cannot."""
+    # Memory of floats first: NumPy has no exp of objects. But noise starts with a draw, which has
+    # stand-ins in it, and is then put back.
+    for kind in (np.float64, np.object_):
+        try:
+            return _traced(block, state, attributes, all_of, kind)
+        except Exception:  # noqa: BLE001 -- what a stand-in cannot do ends in any of many errors
+            continue
+    return {}
+
+
+def _traced(
+    block: Block,
+    state: BlockState,
+    attributes: tuple[tuple[str, str], ...],
+    all_of: list[Tunable],
+    kind: type[np.generic],
+) -> dict[str, tuple[str, ...]]:
+    """The expressions of the words that follow from stand-ins, with memory of this type."""
 
     def explored(chosen: tuple[bool, ...]) -> dict[str, tuple[str, ...]]:
         """The words after these decisions, and after either answer of each later one."""
         decisions = Decisions(chosen)
         token = DECISIONS.set(decisions)
         try:
-            found = _started(block, state, attributes, all_of)
+            found = _started(block, state, attributes, all_of, kind)
         finally:
             DECISIONS.reset(token)
         if len(decisions.asked) == len(chosen):
@@ -215,13 +230,18 @@ def _picked(condition: str, one: str, other: str) -> str:
 
 
 def _started(
-    block: Block, state: BlockState, attributes: tuple[tuple[str, str], ...], all_of: list[Tunable]
+    block: Block,
+    state: BlockState,
+    attributes: tuple[tuple[str, str], ...],
+    all_of: list[Tunable],
+    kind: type[np.generic],
 ) -> dict[str, tuple[str, ...]]:
     """The numbers of all words after start with stand-ins, as C."""
     made = _placed(block, all_of, lambda one: one.stand_in)
     held = vars(state)
     arrays = {name: held[name].copy() for name in block.spec.states}
-    again = BlockState(state.context, state.seed, {n: np.zeros_like(a) for n, a in arrays.items()})
+    memory = {name: np.zeros_like(array, dtype=kind) for name, array in arrays.items()}
+    again = BlockState(state.context, state.seed, memory)
     again.published = state.published
     with stand_ins_in_math():
         made.start(again)
