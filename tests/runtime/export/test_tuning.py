@@ -25,12 +25,12 @@ QUICK = ("Gain", "DiscretePID", "Lowpass", "AdaptiveEnsemble", "ActuatorFault", 
 # A session reads their sum over neurons from Python, which adds in another order than C.
 SUMMED = ("AdaptiveEnsemble", "RateEnsemble")
 SHARE, BEFORE, AFTER = 0.8125, 12, 25  # of a value; ticks before it changes, and all of them
-# What follows from these parameters is solved for, tabled or drawn by Python: C has the result, as
+# What follows from these parameters is solved for or tabled by Python: C has the result, as
 # the gain of a regulator, as a parameter instead.
 BY_GRAPH = {
-    *("Clip", "DiscreteSteadyStateKalman", "ExtendedKalmanFilter", "KalmanFilter", "LQI", "LQR"),
+    *("DiscreteSteadyStateKalman", "ExtendedKalmanFilter", "KalmanFilter", "LQI", "LQR"),
     *("LinearDisturbanceObserver", "LinearMPC", "LinearQuadraticRegulator", "LookupTable", "MPC"),
-    *("PinkNoise", "Piecewise", "WhiteNoise"),
+    "Piecewise",
 }
 
 
