@@ -123,11 +123,17 @@ class BlockState:
         ``is_seed_read`` says so; ``rng`` reads it, too.
         """
         self.is_seed_read = True
-        seed: np.random.SeedSequence = self.__dict__["seed"]
-        return seed
+        held: np.random.SeedSequence | Callable[[], np.random.SeedSequence]
+        held = self.__dict__["seed"]
+        if not isinstance(held, np.random.SeedSequence):
+            held = self.__dict__["seed"] = held()
+        return held
 
-    def reseed(self, seed: np.random.SeedSequence) -> None:
-        """Give the block another seed; a generator that was made of the last one stays."""
+    def reseed(self, seed: np.random.SeedSequence | Callable[[], np.random.SeedSequence]) -> None:
+        """Give the block another seed; a generator that was made of the last one stays.
+
+        A function makes it when it is first read: of few blocks it ever is.
+        """
         self.__dict__["seed"] = seed
 
     @cached_property

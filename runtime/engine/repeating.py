@@ -11,8 +11,9 @@ the blocks that changed start again; all others get back what they had before th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -91,5 +92,5 @@ def _draws(state: RunState, name: str) -> bool:
     return name in state.own or block.is_seed_read or bool(block.published)
 
 
-def _seed(state: RunState, name: str, own_seed: int | None) -> np.random.SeedSequence:
-    return seed_of(state.seed if own_seed is None else own_seed, name)
+def _seed(state: RunState, name: str, own_seed: int | None) -> Callable[[], np.random.SeedSequence]:
+    return partial(seed_of, state.seed if own_seed is None else own_seed, name)
