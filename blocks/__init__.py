@@ -15,32 +15,31 @@ from blocks.index import OTHERS, TYPES
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    # "as" exports a name to those who check their types strictly.
     from blocks.control import *
-    from blocks.core import (
-        Block,
-        BlockContext,
-        BlockState,
-        DeclarationError,
-        FloatArray,
-        Input,
-        Output,
-        ParameterError,
-        Path,
-        PointCloud,
-        Pose,
-        Same,
-        Scalar,
-        Scan,
-        SignalType,
-        Spikes,
-        State,
-        TrackingState,
-        Twist,
-        Vector,
-        WheelSpeeds,
-        kernel_of,
-        param,
-    )
+    from blocks.core import Block as Block
+    from blocks.core import BlockContext as BlockContext
+    from blocks.core import BlockState as BlockState
+    from blocks.core import DeclarationError as DeclarationError
+    from blocks.core import FloatArray as FloatArray
+    from blocks.core import Input as Input
+    from blocks.core import Output as Output
+    from blocks.core import ParameterError as ParameterError
+    from blocks.core import Path as Path
+    from blocks.core import PointCloud as PointCloud
+    from blocks.core import Pose as Pose
+    from blocks.core import Same as Same
+    from blocks.core import Scalar as Scalar
+    from blocks.core import Scan as Scan
+    from blocks.core import SignalType as SignalType
+    from blocks.core import Spikes as Spikes
+    from blocks.core import State as State
+    from blocks.core import TrackingState as TrackingState
+    from blocks.core import Twist as Twist
+    from blocks.core import Vector as Vector
+    from blocks.core import WheelSpeeds as WheelSpeeds
+    from blocks.core import kernel_of as kernel_of
+    from blocks.core import param as param
     from blocks.dynamics import *
     from blocks.fmu import *
     from blocks.generic import *
