@@ -95,7 +95,7 @@ def model_of(
 
     matrix, unsettled = jacobian(responded, at)
     here = responded(at)
-    _check(name, matrix, [each.row for each in unsettled], here[:n], at[:n])
+    _check(name, [each.row for each in unsettled], here[:n], at[:n])
     a, b, c = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n]
     return Model(a, b, c, at[:n], at[n:], here[n:])
 
@@ -156,9 +156,7 @@ def _outputs(block: Block, state: BlockState, given: Given, ports: Sequence[str]
     return np.concatenate([np.zeros(0), *values])
 
 
-def _check(
-    name: str, matrix: FloatArray, loose: Sequence[int], rates: FloatArray, x: FloatArray
-) -> None:
+def _check(name: str, loose: Sequence[int], rates: FloatArray, x: FloatArray) -> None:
     """Check that the plant rests at the point, and has a derivative there."""
     moving = np.abs(rates) > AT_REST * np.maximum(1.0, np.abs(x))
     if moving.any():

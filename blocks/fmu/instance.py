@@ -28,7 +28,7 @@ from blocks.core import FloatArray, ParameterError, require
 from blocks.fmu.description import Description, Variable
 
 TYPES = {"Enumeration": ("Integer", "Int64")}  # how values of a type are given
-SERIALIZE, SAVE = "canSerializeFMUState", "canGetAndSetFMUState"
+SERIALIZE = "canSerializeFMUState"
 
 
 class Instance:

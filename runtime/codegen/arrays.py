@@ -151,7 +151,7 @@ def _view(body: Body, array: Value, indices: Sequence[Index]) -> Value:
         sizes.append(size)
         step = stride_expr(array, axis)
         strides.append(step if part.step == 1 else product([Literal(part.step), step]))
-    packed = kind.packed and _is_packed(array, indices)
+    packed = kind.packed and _is_packed(indices)
     place = offset(array, starts)
     made = Array(kind.kind, tuple(dims), packed, kind.frozen)
     dynamic = [size for size, known in zip(sizes, dims, strict=True) if known is None]
@@ -198,7 +198,7 @@ def _bound(body: Body, bound: Value | None, size: Expr) -> Expr:
     return body.held("at", "int64_t", Call("clamped", (bound.expr, size)))
 
 
-def _is_packed(array: Value, indices: Sequence[Index]) -> bool:
+def _is_packed(indices: Sequence[Index]) -> bool:
     """Whether a view is contiguous: single indices first, then one slice, then whole axes."""
     first = next(k for k, part in enumerate(indices) if isinstance(part, Cut))
     cut = indices[first]
@@ -239,8 +239,8 @@ def copied(body: Body, array: Value) -> Value:
     return made
 
 
-def stored_again(body: Body, target: Value, value: Value) -> Value:
-    """A value that may be copied into ``target`` element by element although they share memory."""
+def stored_again(body: Body, value: Value) -> Value:
+    """A value that may be copied element by element into a view that shares memory with it."""
     if value.each is None and not isinstance(value.type, Array):
         return value
     return copied(body, value) if value.each is None else body.stored(value)
@@ -259,7 +259,7 @@ def write(body: Body, target: Value, value: Value) -> None:
     if isinstance(value.type, Array):
         if len(value.type.dims) > len(kind.dims):
             raise NotTypedError(f"copies an {value.type} into an {kind}")
-        value = stored_again(body, target, value)
+        value = stored_again(body, value)
         _shared(body, [target, value], exact=True)
     else:
         value = body.kept(value)

@@ -24,7 +24,6 @@ from runtime.export.layout import Layout
 from runtime.export.names import unused
 from runtime.network import Network, PortDeclaration, first_column
 from runtime.observation import Signal
-from runtime.plan import Port
 
 NAME = re.compile(r"[A-Za-z_]\w*(\[\d+\])?(\.[A-Za-z_]\w*(\[\d+\])?)*", re.ASCII)
 BASE = {"kg": "kg", "m": "m", "s": "s", "A": "A", "K": "K", "mol": "mol", "cd": "cd"}
@@ -88,10 +87,10 @@ def _numbers(each: Variable) -> Iterator[Variable]:
 def _inputs(layout: Layout, network: Network) -> Iterator[Variable]:
     ports = {(p.end.block, p.end.port): p for p in network.inputs.values()}
     for port in layout.selection.inputs:
-        yield from _of_port(ports[port], port, "input", layout.names[port])
+        yield from _of_port(ports[port], "input", layout.names[port])
 
 
-def _of_port(port: PortDeclaration, end: Port, causality: str, member: str) -> Iterator[Variable]:
+def _of_port(port: PortDeclaration, causality: str, member: str) -> Iterator[Variable]:
     """The variables of a port: one for each number that has a name, otherwise one."""
     low, high = np.ravel(port.low), np.ravel(port.high)
     default = None
@@ -125,7 +124,7 @@ def _outputs(layout: Layout, network: Network, recorded: Sequence[Signal]) -> It
         end = port.end.block, port.end.port
         if end in selection.outputs:
             first = first_column(network.types[end], port.end.component)
-            for each in _of_port(port, end, "output", layout.names[end]):
+            for each in _of_port(port, "output", layout.names[end]):
                 yield replace(each, first=first + each.first)
     causality = "local" if network.outputs else "output"
     by_address = {each.address: each for each in recorded if not each.is_state}

@@ -300,7 +300,7 @@ def _numbers_of(one: Tunable, share: float) -> Any:
 
 
 def _retuned(
-    block: Block, state: BlockState, attributes: tuple[tuple[str, str], ...], other: Block
+    state: BlockState, attributes: tuple[tuple[str, str], ...], other: Block
 ) -> dict[str, Any]:
     """The words as a session has them after ``set``; the state is as before."""
     again = copy.deepcopy(vars(state)) | {"context": state.context, "published": state.published}
@@ -330,7 +330,7 @@ def _is_right(
         )
         names = {**IN_PYTHON, "p": struct}
         try:
-            actual = _retuned(block, state, attributes, other)
+            actual = _retuned(state, attributes, other)
         except Exception:  # noqa: BLE001 -- a session makes a new engine then
             return False
         for word, value in actual.items():
@@ -372,7 +372,7 @@ def _changed(
         if (other := _other(block, [one], share)) is None:
             continue
         try:
-            after = _retuned(block, state, attributes, other)
+            after = _retuned(state, attributes, other)
         except Exception:  # noqa: BLE001 -- a session makes a new engine then
             continue
         found |= {w: None for w, v in after.items() if w in before and not _same(before[w], v)}

@@ -139,7 +139,7 @@ def _of_blocks(
     model: Model, scope: Scope | None, names: list[str], cursor: Cursor
 ) -> Iterator[Offer]:
     if not names:
-        yield from _new_blocks(model, scope, cursor)
+        yield from _new_blocks(model, scope)
     elif len(names) == 1:
         cls = class_of(model, scope, names[0])
         if cls is not None:
@@ -180,7 +180,7 @@ def _of_setting(cls: type[Block] | None, keys: Sequence[str], cursor: Cursor) ->
         yield from param_offers(inside.declared)
 
 
-def _new_blocks(model: Model, scope: Scope | None, cursor: Cursor) -> Iterator[Offer]:
+def _new_blocks(model: Model, scope: Scope | None) -> Iterator[Offer]:
     """Names that wires mention already, those of the graph below, and a new block of each type."""
     wires = scope.wires if scope is not None else {}
     blocks = scope.names() if scope is not None else []

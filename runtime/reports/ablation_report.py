@@ -69,7 +69,7 @@ def ablation_report(folder: Path) -> str:
     plan = read_plan(folder)
     sections = {
         "Differences": _differences(results),
-        "Figures": _figure(folder, results),
+        "Figures": _figure(folder),
         "Variants": _variants(results),
         "Diagrams": join(*_diagrams(folder, results)),
         "Graph": pieces.graph_file(folder / GRAPH, "The graph of the baseline."),
@@ -164,7 +164,7 @@ def _line(line: Mapping[str, Any], never: str) -> list[str]:
     ]
 
 
-def _figure(folder: Path, results: Mapping[str, Any]) -> Html:
+def _figure(folder: Path) -> Html:
     caption = (
         "Metrics by variant: means with their intervals, and a dot for each seed; hollow if the "
         "difference from the baseline is not significant."

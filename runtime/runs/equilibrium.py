@@ -96,7 +96,7 @@ class _Search:
         # A fixed output need not be listed.
         self.there = OperatingPoint(network, inputs, [*outputs, *others], at, states)
         self.point, self.n = self.there.point, n
-        self.base, self.targets = self._inputs_now(inputs)
+        self.base, self.targets = self._inputs_now()
         names = (*self.states, *self.there.inputs)
         start = np.concatenate([self.there.columns[: n + z], self.base])
         self.names, self.low, self.high = (
@@ -113,7 +113,7 @@ class _Search:
             if name not in (*names, *self.there.outputs):
                 raise UsageError(f"no state, input or output '{name}'{hint(name, names)}")
 
-    def _inputs_now(self, inputs: Sequence[str]) -> tuple[FloatArray, list[tuple[Port, bool]]]:
+    def _inputs_now(self) -> tuple[FloatArray, list[tuple[Port, bool]]]:
         """The values of the inputs as the graph has them, and where an overlay writes each."""
         values, targets = list[float](), list[tuple[Port, bool]]()
         for port in self.there.point.offsets.first:

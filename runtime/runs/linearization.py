@@ -214,14 +214,12 @@ def linearize(
         sampled=structure.sampled,
         held=structure.held,
         without=tuple(names[i] for i in without if i < sum(point.sizes[:2])),
-        loose=_relevant(found, point, kept, there),
+        loose=_relevant(found, point, kept),
         opened=opened,
     )
 
 
-def _relevant(
-    found: Matrices, point: Point, kept: Sequence[int], there: OperatingPoint
-) -> tuple[Loose, ...]:
+def _relevant(found: Matrices, point: Point, kept: Sequence[int]) -> tuple[Loose, ...]:
     """The entries that do not settle, between what is not left out."""
     left_out = {point.columns[i] for i in range(sum(point.sizes[:2]))} - {
         point.columns[i] for i in kept
