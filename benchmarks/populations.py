@@ -234,8 +234,10 @@ def by_hand(rounds: int, ticks: int) -> str:
     for state in ("scaled_encoders", "bias", "voltage"):
         drawn = drawn.probe(f"a.{state}", every=1)
     first = drawn.run()
-    start = [first[f"a.{state}"][0].ravel() for state in ("scaled_encoders", "bias", "voltage")]
-    loop = partial(numba_lif, *start, DT, ticks)
+    encoders, bias, voltage = (
+        first[f"a.{state}"][0].ravel() for state in ("scaled_encoders", "bias", "voltage")
+    )
+    loop = partial(numba_lif, encoders, bias, voltage, DT, ticks)
     apart = float(np.abs(graph.run().states["a.voltage"] - loop()[1]).max())
     if apart > 1e-9:
         raise DisagreementError(f"voltages differ by {apart:.1g} from those of the loop by hand")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import runtime
+from blocks import LQR
 from tests.studies.cases import Runs, after, case
 
 LINE, SINE = "line_actuator_failure", "sine_estimation_error"
@@ -109,7 +110,9 @@ def case_a(seeds: int) -> list[Claim]:
 
 def _stiffness() -> float:
     """The turn rate by which the LQR of case A answers a lateral error, in rad/s per metre."""
-    _, gain = runtime.load(LINE).network.entries["lqr"].block.solve(0.01, 0.0)
+    lqr = runtime.load(LINE).network.entries["lqr"].block
+    assert isinstance(lqr, LQR)
+    _, gain = lqr.solve(0.01, 0.0)
     return abs(float(gain[1, 1]))
 
 

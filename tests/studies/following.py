@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 import runtime
+from blocks import WallFitter
 from runtime.document.loader import SHIPPED
 from runtime.observation.wall_metrics import first_loop
 from runtime.toolchain import available
@@ -82,6 +83,7 @@ def measure(job: Job) -> dict[str, float]:
     result = graph.run(seed=job.seed)
     metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
     fitter = graph.network.entries["fitter"].block
+    assert isinstance(fitter, WallFitter)
     engaged = result.time("pose") >= metrics["time_to_engage"]
     _, loop = first_loop(graph.network.world, result["pose"][engaged, :2], fitter.distance)
     return {**metrics, "length": length_of(loop) if len(loop) else np.nan}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import runtime
+from blocks import MujocoVacuum
 from tests.studies.claims import Claim, spread
 from tests.studies.following import ENGINE, FEEDFORWARD, PRINTED, ROBUST, in_parallel
 
@@ -60,11 +61,13 @@ def measure(job: Job) -> dict[str, float]:
     result = graph.run(seed=job.seed)
     metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
     network = graph.network
+    plant = network.entries["plant"].block
+    assert isinstance(plant, MujocoVacuum)
     distances = network.world.distance(result["pose"][:, :2])
     believed, true = result["drift"][-1], result["pose"][: 2 * len(result["drift"]) : 2][-1]
     return {
         **metrics,
-        "clearance": float(distances.min()) - network.entries["plant"].block.body_radius,
+        "clearance": float(distances.min()) - plant.body_radius,
         "drift": float(np.hypot(*(believed - true)[:2])),
         "tilt": float(result["tilt"].max()),
     }

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from blocks import MatchingPoint, WallFitter
 from tests.studies.claims import spread
 from tests.studies.following import ROBUST, Job, graph_of, length_of, measure_all
 
@@ -31,9 +32,10 @@ def loops_of(room: str) -> tuple[list[float], float]:
     in which to find a wall and go round the longest, with a quarter to spare.
     """
     network = graph_of(ROBUST, world=room).network
-    distance, speed = network.entries["fitter"].block.distance, network.entries["match"].block.v_r
-    lengths = [length_of(loop[:-1]) for loop in network.world.offset_contour(distance)]
-    return lengths, math.ceil(40.0 + 1.25 * lengths[0] / speed)
+    fitter, match = (network.entries[name].block for name in ("fitter", "match"))
+    assert isinstance(fitter, WallFitter) and isinstance(match, MatchingPoint)
+    lengths = [length_of(loop[:-1]) for loop in network.world.offset_contour(fitter.distance)]
+    return lengths, math.ceil(40.0 + 1.25 * lengths[0] / match.v_r)
 
 
 def rows(seeds: range) -> list[tuple[str, ...]]:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,10 +83,10 @@ def test_all_variants_build_and_can_be_compared(configuration: Configuration, ru
         assert is_without != any(block.startswith("adaptive.") for block in network.entries), name
         if name.endswith(APART):
             assert name.removesuffix(APART) in graphs
-    rates = {
-        name: graphs[name].network.entries["adaptive.snn_omega"].block.learning_rate
-        for name in (BARE.removesuffix(APART), INTEGRATOR, FAST, FAST_INTEGRATOR)
-    }
+    rates = {}
+    for name in (BARE.removesuffix(APART), INTEGRATOR, FAST, FAST_INTEGRATOR):
+        learner: Any = graphs[name].network.entries["adaptive.snn_omega"].block
+        rates[name] = learner.learning_rate
     assert rates[BARE.removesuffix(APART)] == rates[INTEGRATOR]
     assert rates[FAST] == rates[FAST_INTEGRATOR] == pytest.approx(2.0 * rates[INTEGRATOR])
     # The gains of the graphs were chosen on seeds 0 to 9.

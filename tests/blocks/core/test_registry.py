@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -70,10 +71,16 @@ def test_all_names_exist_and_are_sorted() -> None:
     assert len(set(blocks.__all__)) == len(blocks.__all__)
 
 
+def value_of(file: Path) -> Any:
+    """What the block of a file puts out."""
+    block: Any = blocks_of_module(file)["Here"]()
+    return block.output(None, 0.0)
+
+
 def test_blocks_of_a_file_are_those_it_defines(file: Path) -> None:
     found = blocks_of_module(file)
     assert list(found) == ["Here"]
-    assert found["Here"]().output(None, 0.0) == 1.0
+    assert value_of(file) == 1.0
 
 
 def test_a_file_is_run_once_until_it_changes(file: Path) -> None:
@@ -83,7 +90,7 @@ def test_a_file_is_run_once_until_it_changes(file: Path) -> None:
     os.utime(file, ns=(1, 1))
     second = blocks_of_module(file)["Here"]
     assert second is not first
-    assert second().output(None, 0.0) == 2.0
+    assert value_of(file) == 2.0
 
 
 def test_files_of_one_name_in_two_folders(file: Path, tmp_path: Path) -> None:
@@ -92,8 +99,8 @@ def test_files_of_one_name_in_two_folders(file: Path, tmp_path: Path) -> None:
     other.write_text(SOURCE.replace("VALUE", "3.0"), encoding="utf-8")
     os.utime(other, ns=(2, 2))
     os.utime(file, ns=(2, 2))
-    assert blocks_of_module(file)["Here"]().output(None, 0.0) == 1.0
-    assert blocks_of_module(other)["Here"]().output(None, 0.0) == 3.0
+    assert value_of(file) == 1.0
+    assert value_of(other) == 3.0
 
 
 def test_a_file_that_fails_leaves_no_module(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ TYPES = [Scalar, Twist, Pose, Vector(3), Vector(1), Spikes(4), Scan(5), PointClo
 DT = 0.01
 
 
-def through(block: blocks.Block, kind: SignalType, signals: list[Any], dt: float = DT) -> list[Any]:
+def through(block: Any, kind: SignalType, signals: list[Any], dt: float = DT) -> list[Any]:
     """What comes out at each tick while the signals go in."""
     state = state_of(block, {"input": kind, "out": kind}, dt=dt)
     outs = []

@@ -151,12 +151,12 @@ def test_faults_act_at_the_wheels(fault: dict[str, Any], v: float, omega: float)
 
 
 def test_a_wall_stops_it_with_no_more_than_its_wheels_can_push() -> None:
-    robot = MujocoVacuum()
-    state = started(robot, World(SHIPPED["paper_room"]), dt=DT)
+    robot, world = MujocoVacuum(), World(SHIPPED["paper_room"])
+    state = started(robot, world, dt=DT)
     force, near = [], []
     for k in range(1000):
         robot.update(state, k * DT, (0.3, 0.6 * math.sin(0.01 * k)))
-        near.append(state.context.world.nearest(*outputs(robot, state).pose[:2])[0])
+        near.append(world.nearest(*outputs(robot, state).pose[:2])[0])
         force.append(outputs(robot, state).contact)
     touching = np.array(force) > 0.5
     assert touching.sum() > 100

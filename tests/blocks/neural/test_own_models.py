@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import runtime
+from blocks import Ensemble
 from runtime.runs import open_run
 from tests.conftest import Run
 
@@ -77,9 +78,10 @@ def test_decoders_follow_from_the_models_simulated_rates(tmp_path: Path) -> None
     run = runtime.load(made(tmp_path)).run()
     assert run.metrics["error"] is not None
     assert run.metrics["error"] < 0.1
-    model = runtime.load(made(tmp_path)).network.entries["a"].block.neuron
+    ensemble = runtime.load(made(tmp_path)).network.entries["a"].block
+    assert isinstance(ensemble, Ensemble)
     current = np.array([-1.0, 0.0, 2.0, 4.0])
-    np.testing.assert_allclose(model.rates(current), [0.0, 0.0, 20.0, 80.0], atol=1.5)
+    np.testing.assert_allclose(ensemble.neuron.rates(current), [0.0, 0.0, 20.0, 80.0], atol=1.5)
 
 
 def test_both_engines_step_it_alike(tmp_path: Path) -> None:

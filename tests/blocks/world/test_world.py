@@ -175,7 +175,8 @@ def test_rays_are_as_long_as_walking_by_the_distance_says(world: World, seed: in
     travelled = np.zeros(len(angles))
     for _ in range(100):
         travelled = np.minimum(travelled + world.distance(start + travelled[:, None] * unit), 50.0)
-    ranges = np.minimum(world.cast(*start[0].tolist(), angles), 50.0)
+    x, y = start[0].tolist()
+    ranges = np.minimum(world.cast(x, y, angles), 50.0)
     # A ray that grazes a surface walks there in ever smaller steps.
     arrived = np.abs(world.distance(start + travelled[:, None] * unit)) < 1e-12
     done = arrived | (travelled == 50.0)

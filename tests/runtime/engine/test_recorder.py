@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from hypothesis import strategies as st
 
 import runtime
 from blocks import Constant, Gain, Sum, UnitDelay
-from runtime.engine import recorder
 from runtime.engine.recorder import Stream, buffer_rows
 from tests.examples import examples
 
@@ -107,7 +107,7 @@ def test_a_failure_keeps_the_rows_before_it() -> None:
     graph = ramp((1, 3), 1.0).set("run.memory", 100).set("blocks.half.gain", 1e30)
     with pytest.raises(runtime.SimulationError) as caught:
         graph.run()
-    result = caught.value.result
+    result: Any = caught.value.result
     assert result.ticks == 10
     np.testing.assert_allclose(result["p0"], 3.0 * 1e30 ** np.arange(10.0), rtol=1e-12)
     assert len(result["p1"]) == 4
@@ -115,7 +115,7 @@ def test_a_failure_keeps_the_rows_before_it() -> None:
 
 def test_too_little_disk_is_reported_before_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     usage = type("Usage", (), {"free": 1000})
-    monkeypatch.setattr(recorder.shutil, "disk_usage", lambda folder: usage)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: usage)
     with pytest.raises(runtime.UsageError, match=r"needs 31.25 KiB while it runs.*has 1000 B"):
         ramp((1,), 10.0).set("run.memory", 100).run()
 

@@ -99,8 +99,8 @@ def test_what_a_folder_holds(here: Run, draw: Path, tmp_path: Path) -> None:
     assert "bypassed" in drawn and "bypassed" not in whole
     for block in ("draw", "twice", "half", "sum"):
         assert block in drawn
-    again = ("ablate", str(folder / "plan.yaml"), "--name", "again", "-j", "2", "--no-plots")
-    again = here(*again, "--json")
+    words = ("ablate", str(folder / "plan.yaml"), "--name", "again", "-j", "2", "--no-plots")
+    again = here(*words, "--json")
     assert json.loads(again.stdout)["table"] == facts["table"]
 
 

@@ -14,9 +14,10 @@ from scipy import stats
 
 from runtime.experiments.analysis import sweep_data
 from runtime.experiments.analysis.ablation_plots import ablation_figure
+from runtime.experiments.analysis.figures import MARK
 from runtime.experiments.analysis.study_figures import study_figures
 from runtime.experiments.analysis.sweep_data import read_sweep
-from runtime.experiments.analysis.sweep_plots import MARK, sweep_figures
+from runtime.experiments.analysis.sweep_plots import sweep_figures
 from runtime.experiments.design import read_experiment
 from runtime.experiments.execution import sweep_plan
 from tests.conftest import Run
@@ -107,7 +108,7 @@ def test_samples_with_some_of_the_seeds_are_marked(here: Run, draw: Path, folder
     data = read_sweep(folder)
     some = data.is_partial("above_two")
     assert some.any()
-    red = [tuple(colour) == to_rgba(MARK) for colour in axes.collections[1].get_edgecolors()]
+    red = [tuple(colour) == to_rgba(MARK) for colour in axes.collections[1].get_edgecolor()]
     known = np.isfinite(data.means("above_two"))
     assert red == some[known].tolist()
 
@@ -157,13 +158,13 @@ def test_an_ablation(here: Run, draw: Path, tmp_path: Path) -> None:
     dots = [line for line in total.lines if line.get_marker() == "."]
     assert np.allclose(sorted(dots[0].get_xdata()), sorted(2.0 * outs))
     assert np.allclose(sorted(dots[1].get_xdata()), sorted(3.0 * outs))
-    means = [container.lines[0] for container in total.containers]
+    means = [each[0] for each in total.containers]
     assert [mean.get_xdata()[0] for mean in means] == pytest.approx(
         [2.0 * outs.mean(), 3.0 * outs.mean()]
     )
     assert [text.get_text() for text in total.texts] == ["removed"]
     # Equal to the baseline on every seed: hollow.
-    hollow = drawn.containers[1].lines[0]
+    hollow = drawn.containers[1][0]
     assert to_hex(hollow.get_markerfacecolor()) == "#ffffff"
 
 
@@ -195,7 +196,7 @@ def test_the_figures_of_a_paper(here: Run, draw: Path, tmp_path: Path) -> None:
     noise = np.array([normal(seed) for seed in range(4)])
     (axes,) = figures["total"].axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    lines = {bars.get_label(): bars.lines[0] for bars in axes.containers}
+    lines = {each.get_label(): each[0] for each in axes.containers}
     # total = (1 + gain / 2)(level + noise), and level + noise without half of it.
     for name, factor in (("both", 2.0), ("no half", 1.0)):
         x, y = lines[name].get_data()
@@ -203,7 +204,7 @@ def test_the_figures_of_a_paper(here: Run, draw: Path, tmp_path: Path) -> None:
         assert y == pytest.approx([factor * (level + noise.mean()) for level in x])
     assert figures["total"].get_size_inches()[0] == 3.5
     # Without 'at', a metric is the mean over the other factor, which the draw does not depend on.
-    averaged = figures["mean"].axes[0].containers[0].lines[0].get_ydata()
+    averaged = figures["mean"].axes[0].containers[0][0].get_ydata()
     assert averaged == pytest.approx(np.array([1, 2, 4]) + noise.mean())
     (axes,) = figures["out"].axes
     curves = {line.get_label(): line.get_ydata() for line in axes.lines}

@@ -214,8 +214,10 @@ def retried(pool: ProcessExecutor, call: Callable[[], Any]) -> Any:
 
 def test_the_fork_server_may_die(pool: ProcessExecutor, meeting: Meeting) -> None:
     before = both(pool, meeting)
-    os.kill(pool.starter.pid, signal.SIGKILL)
-    wait_for_end(pool.starter.pid)
+    server = pool.starter
+    assert isinstance(server, ForkServer)
+    os.kill(server.pid, signal.SIGKILL)
+    wait_for_end(server.pid)
     assert both(pool, meeting) == before  # who is there stays there
     with pytest.raises(WorkerDied):
         pool.submit(die).result()
@@ -238,6 +240,7 @@ def wait_for_end_or_none(pid: int) -> None:
 def test_workers_that_are_being_started_may_die() -> None:
     made = ProcessExecutor(2)
     first = made.starter
+    assert isinstance(first, ForkServer)
     # Nothing is forked any more: the sockets of the awaited workers close with the fork server.
     os.kill(first.pid, signal.SIGSTOP)
     calls = [made.submit(os.getpid) for _ in range(2)]

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 import runtime
-from runtime.plots import figures, save_plots
+from runtime.plots import save_plots
 
 if sys.platform == "win32":
     pytest.skip("Windows cannot fork", allow_module_level=True)
@@ -105,7 +106,7 @@ def test_reasons_are_told_in_the_order_of_the_plots(
     monkeypatch.setattr(sharing, "can_share", lambda: True)
     result = runtime.load("starters/tracking").set("run.until", 0.2).run()
 
-    def draw(plot: object) -> figures.Figure:
+    def draw(plot: object) -> Figure:
         raise ValueError(f"no {result.plots.index(plot)}")
 
     notes: list[str] = []

@@ -411,21 +411,22 @@ def test_a_recording_larger_than_memory_is_never_loaded(script: Path, tmp_path: 
 def test_a_figure_that_fails_is_a_note(
     acting: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from runtime.plots import figures as plots
+    from runtime.plots import save_plots
+    from runtime.plots.painters import PAINTERS
 
     def painter(figure: Any, recordings: Any, end: float) -> Any:
         axes = figure.subplots()
         axes.set_xlim(0.0, float("nan"))
         return axes
 
-    monkeypatch.setitem(plots.PAINTERS, "heatmap", painter)
+    monkeypatch.setitem(PAINTERS, "heatmap", painter)
     acting("pass")
     graph = runtime.load(tmp_path / "g.yaml")
     graph = graph.plot("bad", "heatmap", "seen").plot(
         "good", "timeseries", "seen", title="$\\frac$ costs 5 $"
     )
     notes: list[str] = []
-    paths = plots.save_plots(graph.run(), tmp_path / "plots", notes.append)
+    paths = save_plots(graph.run(), tmp_path / "plots", notes.append)
     assert [path.name for path in paths] == ["good.png"]
     assert list((tmp_path / "plots").iterdir()) == paths
     (note,) = notes

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from blocks import Ensemble
 from runtime.engine.compiled.runner import _latest
 from runtime.errors import GraphError, SimulationError
 from runtime.graph import Graph, load
@@ -106,7 +107,9 @@ def test_another_number_makes_one_block_and_no_text_anew() -> None:
     assert texts(other) == texts(graph)
     before, after = graph.network.entries, other.network.entries
     assert [name for name in before if before[name].block is not after[name].block] == ["a"]
-    assert [b.block.radius for b in (before["a"], after["a"])] == [1.0, 2.0]
+    first, second = before["a"].block, after["a"].block
+    assert isinstance(first, Ensemble) and isinstance(second, Ensemble)
+    assert [first.radius, second.radius] == [1.0, 2.0]
     # Neurons with other lengths are another plan.
     wider = other.set("a.neurons", 7).check()
     assert not set(texts(wider)) & set(texts(graph))

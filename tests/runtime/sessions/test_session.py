@@ -176,7 +176,7 @@ def test_blocks_keep_what_the_run_has_moved(engine: str) -> None:
 
 
 def session_block(session: Session) -> Any:
-    return session.graph.to_dict()["blocks"]["snn"]  # type: ignore[index]
+    return session.graph.to_dict()["blocks"]["snn"]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -263,9 +263,10 @@ def test_a_failure_is_reported_again_until_the_session_goes_back(engine: str) ->
     session.set("gain.gain", 1e200)
     with pytest.raises(runtime.SimulationError) as caught:
         session.step(100)
-    result = session.result()
-    assert len(caught.value.result["x"]) == len(result["x"]) == session.tick < 110
-    for each in (caught.value.result, result):
+    result, reached = session.result(), caught.value.result
+    assert isinstance(reached, runtime.Result)
+    assert len(reached["x"]) == len(result["x"]) == session.tick < 110
+    for each in (reached, result):
         assert each.status == "failed" and each.manifest["error"] == str(caught.value)
     with pytest.raises(runtime.SimulationError):
         session.step()
@@ -453,7 +454,7 @@ def test_what_was_found_by_an_attack(tmp_path: Path) -> None:
     session.set("gain.gain", 3.0)
     session.set("blocks.gain.gain", 4.0)
     session.set("gain.gain", np.float32(5.0))
-    assert session.graph.to_dict()["blocks"]["gain"]["gain"] == 5.0  # type: ignore[index]
+    assert session.graph.to_dict()["blocks"]["gain"]["gain"] == 5.0
     for wrong in (
         lambda: session.read("x.out.nonsense"),
         lambda: session.read("snn.spikes.55"),
