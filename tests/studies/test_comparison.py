@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from runtime.errors import UsageError
 from tests.studies.comparison import judge, page, plan, register, rows
 
 TASKS = list(plan.read()["tasks"])
@@ -131,13 +132,32 @@ def test_the_page_is_that_of_the_rows(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_runs_of_one_tuning_have_what_it_entered() -> None:
-    """The values of the configuration that was judged, not the first or the last that was tried."""
+    """What was judged has the smallest mean error of those within the limit of effort."""
+    limit = plan.read()["tasks"]["path"]["effort"]
     for name in ("LQR", "spikes"):
         values = rows.entered("path", name, 0)
         assert set(values) == set(plan.factors("path", name))
         entry = plan.experiment("again", name, values, 0)["contestants"][name]
         assert entry["set"] | values == entry["set"]
         assert "vary" not in entry
+        tried: dict[str, list[rows.Row]] = {}
+        for row in rows.read("path"):
+            mine = (row["contestant"], row["tuning"], row["part"]) == (name, "0", plan.TRAINING)
+            if mine:
+                tried.setdefault(row["values"], []).append(row)
+        means = {
+            cells: np.mean([float(row["error"]) for row in runs])
+            for cells, runs in tried.items()
+            if all(row["error"] for row in runs)
+            and np.mean([float(row["effort"]) for row in runs]) < limit
+        }
+        best = min(means, key=means.__getitem__)
+        assert list(values.values()) == [float(cell) for cell in best.split(",")]
+
+
+def test_what_no_tuning_entered_is_not_made_up() -> None:
+    with pytest.raises(UsageError, match="tuning 99 of spikes has no held-out run in task path"):
+        rows.entered("path", "spikes", 99)
 
 
 def test_controllers_that_are_given_have_no_scatter_of_tunings() -> None:

@@ -24,6 +24,7 @@ from runtime.errors import GraphError, Problems
 _RANGE = re.compile(
     r"(?:(?P<scale>log|int)\(\s*(?P<inner>[^()]*)\)|(?P<plain>[^():]*))(?::\s*(?P<count>[0-9]{1,9}))?"
 )
+EDGE = 0.02  # of a range: a best value that near to an end says that better ones may lie beyond
 EXPECTED = "expected values such as [1, 2, 3], 0.1..0.9:5, log(1e-5..1e-2):7 or int(1..9):3"
 DIGITS = 12
 
@@ -91,6 +92,14 @@ class Range(Factor):
         if not self.steps:
             return [self.at(u) for u in (0.0, 0.5, 1.0)]
         return [self.value(i) for i in {0, self.steps // 2, self.steps - 1}]
+
+    def end_near(self, value: float) -> str:
+        """``lower`` or ``upper`` if a value lies at that end of the range; else empty."""
+        low, high, at = float(self.low), float(self.high), float(value)
+        if self.scale == "log":
+            low, high, at = math.log(low), math.log(high), math.log(at)
+        share = (at - low) / (high - low)
+        return "lower" if share < EDGE else "upper" if share > 1.0 - EDGE else ""
 
     def _between(self, u: float) -> Any:
         """The number at the fraction ``u`` of the range; 0 and 1 give the ends exactly."""

@@ -157,23 +157,18 @@ def _none_feasible(result: TuningResult) -> str:
 
 
 def edges(result: TuningResult) -> list[str]:
-    """Which values of winners lie within 2 % of an end of their range."""
+    """Which values of winners lie at an end of their range."""
     from runtime.experiments.design import Range
 
     notes = []
     for one in result.winners:
         for factor, value in zip(result.plan.design.factors, one.values or (), strict=False):
-            if isinstance(factor, Range):
-                low, high, at = float(factor.low), float(factor.high), float(value)
-                if factor.scale == "log":
-                    low, high, at = math.log(low), math.log(high), math.log(at)
-                share = (at - low) / (high - low)
-                if not 0.02 <= share <= 0.98:
-                    end = "lower" if share < 0.5 else "upper"
-                    notes.append(
-                        f"note: {factor.path}={value:g} of {one.number} is at the {end} end of "
-                        "its range; widen it"
-                    )
+            end = factor.end_near(value) if isinstance(factor, Range) else ""
+            if end:
+                notes.append(
+                    f"note: {factor.path}={value:g} of {one.number} is at the {end} end of its "
+                    "range; widen it"
+                )
     return notes
 
 

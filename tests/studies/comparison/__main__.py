@@ -45,7 +45,7 @@ def main() -> int:
         costs.measure()
     if options.command == "check":
         problems = register.problems()
-        print("\n".join([*problems, *register.told()]))
+        print("\n".join([*problems, *register.told(), *register.judged_since()]))
         return 1 if problems else 0
     if options.command == "page":
         from tests.studies.comparison import page

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from runtime.document import from_python
+from runtime.errors import Problems
+from runtime.experiments.design import Range, parse_factor
 from tests.studies.comparison import costs, judge, plan, register, rows
 from tests.studies.comparison.judge import Answer, Contrast
 
@@ -200,7 +204,7 @@ def _contestants(task: str) -> str:
     """The table of a task: errors, how far tunings agree, the effort, the worst condition."""
     entry = plan.read()["tasks"][task]
     lines = [f"## {entry['title']}: all contestants", "", *_spread_words(task), ""]
-    lines += [*_effort_words(task), ""]
+    lines += [*_effort_words(task), "", *_edge_words(task), ""]
     for group, about in entry["groups"].items():
         lines += [f"<details><summary>{about['title']}</summary>", ""]
         lines += [
@@ -262,6 +266,27 @@ def _effort_words(task: str) -> Iterator[str]:
         )
     else:
         yield f"Held out, every mean effort is below the limit of training, {limit:g}; they differ."
+
+
+def _edge_words(task: str) -> Iterator[str]:
+    """Whose best values lie at an end of the range that was searched, and may be beyond."""
+    ends: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    for name, tuning in rows.began(task):
+        ranges = _ranges(task, name)
+        for path, value in rows.entered(task, name, tuning).items():
+            if end := ranges[path].end_near(value):
+                ends[path, end][name] += 1
+    for (path, end), counts in ends.items():
+        who = ", ".join(f"{name} {n} of {plan.tunings(task, name)}" for name, n in counts.items())
+        yield f"* Tunings that ended at the {end} end of the range of `{path}`: {who}."
+
+
+def _ranges(task: str, contestant: str) -> dict[str, Range]:
+    """What a contestant's tuning searches, by path."""
+    problems = Problems()
+    nodes = from_python(plan.factors(task, contestant)).items()
+    parsed = {path: parse_factor(path, node, path, problems) for path, node in nodes}
+    return {path: factor for path, factor in parsed.items() if isinstance(factor, Range)}
 
 
 def _costs() -> str:

@@ -24,6 +24,9 @@ ROOT = plan.FOLDER.parents[1]
 # What the numbers depend on, besides the package itself.
 REGISTERED = ("docs/study/*.yaml", "docs/study/plan.md", "tests/studies/comparison/plan.py")
 
+# What the verdicts depend on: changes after the first run are told, for the reader to weigh.
+JUDGED = tuple(f"tests/studies/comparison/{name}.py" for name in ("judge", "rows", "page"))
+
 # No run depends on these; a task that is like another has that one's entries in it.
 WORDS = ("title", "unit", "scale", "measures", "contestants", "only", "like")
 
@@ -33,9 +36,9 @@ def _git(*arguments: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def commits() -> list[tuple[str, datetime, str]]:
-    """Commits that changed the plan, the first one first: hash, time, subject."""
-    lines = _git("log", "--no-merges", "--reverse", "--format=%h %ct %s", "--", *REGISTERED)
+def commits(of: Sequence[str] = REGISTERED) -> list[tuple[str, datetime, str]]:
+    """Commits that changed the plan, or other files, the first one first: hash, time, subject."""
+    lines = _git("log", "--no-merges", "--reverse", "--format=%h %ct %s", "--", *of)
     parts = [line.split(" ", 2) for line in lines]
     return [(name, datetime.fromtimestamp(int(at), UTC), subject) for name, at, subject in parts]
 
@@ -106,8 +109,26 @@ def _entry(version: dict[str, Any], task: str, contestant: str) -> Any:
 def told() -> list[str]:
     """What there is: the plan's commit, the first run, deviations."""
     name, first, _ = commits()[0]
-    times = [began for task in rows.tasks() for began in rows.began(task).values()]
+    times = _times()
     lines = [f"plan: {name}, {first:%Y-%m-%d %H:%M:%S} UTC"]
     if times:
         lines.append(f"first of {len(times)} tunings: {min(times):%Y-%m-%d %H:%M:%S} UTC")
     return [*lines, *(f"deviation: {line}" for line in plan.read()["deviations"])]
+
+
+def judged_since() -> list[str]:
+    """Commits that changed how runs are judged and told, after the first run.
+
+    Not on the page, since a commit of the page itself would be one of them.
+    """
+    times = _times()
+    later = [one for one in commits(JUDGED) if times and one[1] > min(times)]
+    return [f"the judging was changed after the first run: {hash_} {s}" for hash_, _, s in later]
+
+
+def _times() -> list[datetime]:
+    """When the tunings began, by the clock of the computer that ran them.
+
+    It gives the order of plan and runs to who trusts that clock, and proves nothing to others.
+    """
+    return [began for task in rows.tasks() for began in rows.began(task).values()]

@@ -105,28 +105,23 @@ def _row(row: Row, part: str, paths: list[str]) -> Row:
 def entered(task: str, contestant: str, tuning: int) -> dict[str, float]:
     """The values that a tuning entered, by path; empty if they were the contestant's own.
 
-    They are those of the smallest mean error among those whose mean effort is below the limit.
+    Raises
+    ------
+    UsageError : the tuning has not been judged.
     """
-    limit = plan.read()["tasks"][task]["effort"]
-    runs: dict[str, list[Row]] = defaultdict(list)
-    for row in read(task):
-        mine = (row["contestant"], row["tuning"]) == (contestant, str(tuning))
-        if mine and row["part"] == plan.TRAINING:
-            runs[row["values"]].append(row)
-    means = {
-        values: [_mean(own, key) for key in ("error", "effort")]
-        for values, own in runs.items()
-        if all(row["status"] == "ok" and row["error"] for row in own)
-    }
-    allowed = [values for values, (_, effort) in means.items() if effort < limit]
-    best = min(allowed or means, key=lambda values: means[values][0])
+    own = [
+        row for row in read(task) if (row["contestant"], row["tuning"]) == (contestant, str(tuning))
+    ]
+    # Held out, a winner is judged beside configuration 0, the contestant's own values.
+    judged = [int(row["configuration"]) for row in own if row["part"] == plan.HELD_OUT]
+    if not judged:
+        raise UsageError(f"tuning {tuning} of {contestant} has no held-out run in task {task}")
+    # Training runs are in the order of the configurations, which begin with 0.
+    tried = list(dict.fromkeys(row["values"] for row in own if row["part"] == plan.TRAINING))
+    values = tried[max(judged)]
     # Values are numbers, so that no comma is within one.
-    cells = [float(cell) for cell in best.split(",") if cell]
+    cells = [float(cell) for cell in values.split(",") if cell]
     return dict(zip(plan.factors(task, contestant), cells, strict=True)) if cells else {}
-
-
-def _mean(own: list[Row], key: str) -> float:
-    return sum(float(row[key]) for row in own) / len(own)
 
 
 def _short(cell: str) -> str:
