@@ -1,4 +1,12 @@
-"""Scopes of the source: variables of comprehensions, and variables that may not be assigned yet."""
+"""Scopes of the source: variables of comprehensions, and variables that may not be assigned yet.
+
+In go statements, out come the same with a name for each variable, and the names that may have no
+value where they are read:
+
+    sum([x for x in a]) + x     sum([x__c1 for x__c1 in a]) + x
+    if a > 0: last = a          uncertain: last, which C tests before it is read
+    return last
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Diagnosis after a run: blocks judge their own states, at no cost during the run."""
+"""Diagnosis after a run: blocks judge their own states, at no cost during the run.
+
+In: the states at eight even moments of a run. Out: notes. A learner whose weights had the norms 1,
+2, 5, 16, ... at them says::
+
+    block 'snn': what it learnt grew 40-fold over the last half of the run, and ever faster: ...
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Probes with a synapse: the values of all ticks pass a filter, of which the rows are recorded."""
+"""Probes with a synapse: the values of all ticks pass a filter, of which the rows are recorded.
+
+In: the values of some ticks, as buffers give them. Out: the rows that they complete. With ``every:
+4``, values of ticks 0 to 5 give rows 0 and 1, of ticks 0 and 4; tick 6 goes on with the filter's
+memory of tick 5.
+"""
 
 from __future__ import annotations
 

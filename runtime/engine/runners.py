@@ -1,4 +1,11 @@
-"""Runners execute ticks: the interface between the engine and its two kinds of runner."""
+"""Runners execute ticks: the interface between the engine and its two kinds of runner.
+
+In: a prepared run, and the ticks to do. Out: the variables that outlive a tick, which go into the
+next call; the engine writes, saves and shows progress in between::
+
+    held = runner.adopt(held)              after the first tick, which the engine does
+    held = runner.run(1, 100, held)        ticks 1 to 99
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Which engine a run uses, and the estimated run time of the Python engine."""
+"""Which engine a run uses, and the estimated run time of the Python engine.
+
+In: a checked network and the number of runs. Out: whether to compile. One run of 20 s of case A
+takes 0.8 s in Python and is not compiled; ten of them take longer than compiling and are.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Solvers of the continuous states: Runge-Kutta methods as their coefficients."""
+"""Solvers of the continuous states: Runge-Kutta methods as their coefficients.
+
+In: a method's name. Out: a :class:`Method`, from which the printers of plans take the stages; and
+in go the slopes of a step, out come the states at its end and the length of the next one::
+
+    METHODS["heun"].terms       (((0, 1.0),), ((0, 0.5), (1, 0.5)))
+                                x + h f_0 is where f_1 is computed, x + h (f_0 + f_1) / 2 the end
+
+Functions without a form of NumPy are compiled as they are, so both engines take the same steps.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Checks of the values that blocks return, and their error messages."""
+"""Checks of the values that blocks return, and their error messages.
+
+In: what a block returned, and the type of its port. Out: the value in the form that the next block
+gets, or an error that names block, port and time::
+
+    sealed(state.x)         a copy that nobody can write into
+    floats(np.int64(2))     2.0
+"""
 
 from __future__ import annotations
 

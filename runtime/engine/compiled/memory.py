@@ -1,4 +1,11 @@
-"""Memory that compiled code and Python share: words of eight bytes in NumPy arrays."""
+"""Memory that compiled code and Python share: words of eight bytes in NumPy arrays.
+
+In go values in the order of a struct's members, out comes the address of a struct that has them::
+
+    words.fill((2.0, np.zeros((3, 100))))     2.0, the address of the array, 100
+
+A size up to 3 is part of the text, and so no word.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""What the C text of every plan has in common."""
+"""What the C text of every plan has in common.
+
+In go the operations of a plan as lines of C (``c_plan``), in the place of the names in ``@``; out
+comes the function that runs its ticks: ``@body@`` is what a tick does, ``@first@`` and ``@last@``
+load and store what outlives a call.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """The functions that a solver calls in compiled code, written from those of the Python engine.
 
-In go the method and the states, out comes a unit of C, once for all graphs alike.
+In go the method and the states, out comes a unit of C, once for all graphs alike. ``growth`` of
+``solvers`` becomes ``static double growth(struct context *ctx, double worst)``, so that the length
+of a step has the same bits under both engines.
 """
 
 from __future__ import annotations

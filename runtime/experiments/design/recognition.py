@@ -1,4 +1,7 @@
-"""Whether a document is an experiment: by itself, since every graph that is checked is asked."""
+"""Whether a document is an experiment: by itself, since every graph that is checked is asked.
+
+In: a document. Out: True of ``{graph: my.yaml, vary: {pid.kp: [1, 2]}}``.
+"""
 
 from __future__ import annotations
 
