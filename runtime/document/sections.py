@@ -63,23 +63,6 @@ EXAMPLES = {
     "inputs": "push: {type: Scalar, default: 0.0}",
     "outputs": "command: join.out",
 }
-RUN_KEYS = (
-    "dt",
-    "until",
-    "time_unit",
-    "seed",
-    "engine",
-    "memory",
-    "keep",
-    "states",
-    "solver",
-    "rtol",
-    "atol",
-    "max_step",
-    "events",
-    "loops",
-    "stop",
-)
 RUN_DOCS = {
     "dt": "base step, s",
     "until": "length of the run, s",
@@ -94,10 +77,11 @@ RUN_DOCS = {
     "rtol": "dopri5, rodas4: largest error of a step, relative to the state",
     "atol": "dopri5, rodas4: largest error of a step of a state near 0",
     "max_step": "dopri5, rodas4: the largest step, s",
-    "loops": "algebraic loops: error, or solve, which solves them by Newton's method",
     "events": "located: events and edges are at their times between ticks; ticks: at ticks alone",
+    "loops": "algebraic loops: error, or solve, which solves them by Newton's method",
     "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
+RUN_KEYS = tuple(RUN_DOCS)
 # What other tools call the keys of the section.
 RUN_OTHER_NAMES = {
     name: ours

@@ -14,7 +14,6 @@ from runtime.document import (
     EXAMPLES,
     PART_SECTIONS,
     RUN_DOCS,
-    RUN_KEYS,
     SECTIONS,
     STOP_DOCS,
 )
@@ -87,7 +86,7 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     elif section in ("plots", "metrics") and len(names) == 1:
         yield from _of_kind(section, _scalar_of(cursor, "kind"))
     elif section == "run" and not names:
-        yield from _key_offers({key: RUN_DOCS.get(key, "") for key in RUN_KEYS})
+        yield from _key_offers(RUN_DOCS)
     elif section == "run" and names == ["stop"]:
         yield from _key_offers(STOP_DOCS)
     elif section == "probes" and len(names) == 1:
