@@ -45,6 +45,7 @@ def _head(answered: list[Answered]) -> str:
     entries = plan.read()["tasks"]
     done = rows.tasks()
     lines = ["# Does spiking adaptation help, and where?", ""]
+    lines += [_lead([line for _, _, found in answered for line in found]), ""]
     for number, ask, found in answered:
         lines += [f"{number}. {ask}", *(f"   * {line}" for line in _in_short(found))]
     lines += [
@@ -61,6 +62,27 @@ def _head(answered: list[Answered]) -> str:
     if missing:
         lines += ["", f"**Registered and not run yet**: {'; '.join(missing)}."]
     return "\n".join(lines)
+
+
+LEARNERS = ("MRAC", "features", "rate neurons")
+
+
+def _lead(found: list[Answer]) -> str:
+    """What came out, in two sentences: adaptation beside none, and spikes beside other learners."""
+    first = found[0]
+    same = [x for x in found if _question_of(x) == _question_of(first) and x.other == first.other]
+    shares = ", ".join(f"{x.one} {ratio(x.contrast)}" for x in same)
+    words = [x.contrast.word for x in found if x.one == "spikes" and x.other in LEARNERS]
+    counts = ", ".join(f"{word} in {words.count(word)}" for word in COLOURS if word in words)
+    return (
+        f"**In short.** Where {_place(first)} is looked at, the error is this share of the tuned "
+        f"{first.other}'s: {shares}. Of {len(words)} comparisons of spikes with learners that have "
+        f"the same error, inputs and factors ({', '.join(LEARNERS)}), spikes are {counts}."
+    )
+
+
+def _question_of(line: Answer) -> tuple[str, str, str]:
+    return line.task, line.group, line.metric
 
 
 def _in_short(found: list[Answer]) -> Iterator[str]:
