@@ -8,7 +8,7 @@ In: the text of the package, which imports its names for type checkers alone. Ou
     else:
         __getattr__ = door(__name__)
 
-    __all__ = ["Gain"]
+Packages for users have an ``__all__`` besides; the doors of other rooms show what they import.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def door(package: str) -> Callable[[str], Any]:
     homes = {name: f"blocks.{module}:{name}" for name, module in indexed}
 
     def attribute(name: str) -> Any:
-        if name not in getattr(sys.modules[package], "__all__", ()):
-            raise AttributeError(f"module '{package}' has no attribute '{name}'")
-        if name not in homes:  # of runtime, or newer than the index
+        if name not in homes and not name.startswith("__"):  # of runtime, or newer than the index
             homes.update(exports(package))
+        if name not in homes or name not in getattr(sys.modules[package], "__all__", homes):
+            raise AttributeError(f"module '{package}' has no attribute '{name}'")
         module, _, original = homes[name].partition(":")
         found = getattr(importlib.import_module(module), original)
         setattr(sys.modules[package], name, found)

@@ -108,11 +108,13 @@ class Launcher:
 
 def serve(number: int) -> None:
     """Run each command that arrives on a socket in a fork, until the other end is closed."""
+    exports = importlib.import_module("blocks.lazy").exports
     for name in PRELOADED:
         with contextlib.suppress(ImportError):
             module = importlib.import_module(name)
-            for exported in module.__all__ if name.startswith(("blocks", "runtime")) else ():
-                getattr(module, exported)  # doors import what is asked for
+            if name.startswith(("blocks", "runtime")):
+                for exported in getattr(module, "__all__", exports(name)):
+                    getattr(module, exported)  # doors import what is asked for
     importlib.import_module("runtime.cli").make_parser()  # imports the modules of all verbs
     _warm()
     gc.collect()

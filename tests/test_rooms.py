@@ -183,9 +183,9 @@ def computed(module: str) -> list[int]:
 
 @cache
 def shown(room: str) -> set[str]:
-    """The modules that a room's door shows as they are, as ``style`` of the plots: in `__all__`."""
-    strings = (n.value for n in nodes(room) if isinstance(n, ast.Constant))
-    return {f"{room}.{name}" for name in strings if isinstance(name, str)}
+    """The modules that a room's door shows: as they are, or as a function of the same name."""
+    imports = (node for node in nodes(room) if isinstance(node, ast.ImportFrom))
+    return {f"{room}.{alias.name}" for node in imports for alias in node.names}
 
 
 def violations(module: str) -> Iterator[tuple[str, str]]:

@@ -7,5 +7,3 @@ method that the compiled engine calls from Python::
 """
 
 from runtime.checking.check import CheckError, NotCompiledWarning, check_block
-
-__all__ = ["CheckError", "NotCompiledWarning", "check_block"]

@@ -44,28 +44,3 @@ if TYPE_CHECKING:
     from runtime.codegen.ziggurat import draws_text
 else:  # Imported where something is written, not at every start.
     __getattr__ = door(__name__)
-
-__all__ = [
-    "ANY_ORDER",
-    "BOOL",
-    "FLOAT",
-    "INT",
-    "Array",
-    "Draws",
-    "Entry",
-    "Function",
-    "Known",
-    "Number",
-    "RefusedError",
-    "Source",
-    "Tuple",
-    "Type",
-    "Unit",
-    "Writer",
-    "apart",
-    "draws_text",
-    "leaves",
-    "support",
-    "unknown_call",
-    "unused",
-]

@@ -4,14 +4,3 @@ from runtime.compare.comparison import Comparison, compare
 from runtime.compare.documents import text_of
 from runtime.compare.output import as_data, exact_summary, summary
 from runtime.compare.runs import Run, open_runs
-
-__all__ = [
-    "Comparison",
-    "Run",
-    "as_data",
-    "compare",
-    "exact_summary",
-    "open_runs",
-    "summary",
-    "text_of",
-]

@@ -29,20 +29,3 @@ if TYPE_CHECKING:
     from runtime.compiler.translate import translate_functions
 else:  # Imported where something is translated: most starts find everything in the cache.
     __getattr__ = door(__name__)
-
-__all__ = [
-    "PROJECT",
-    "Kernel",
-    "NotCompilableError",
-    "Records",
-    "bits_of",
-    "calls_of",
-    "enclosed",
-    "fixed_sizes",
-    "make_kernel",
-    "plain",
-    "refusals",
-    "salt",
-    "translate_functions",
-    "written",
-]

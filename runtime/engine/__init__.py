@@ -25,32 +25,3 @@ if TYPE_CHECKING:
     from runtime.engine.state import NotCopiedError
 else:
     __getattr__ = door(__name__)
-
-__all__ = [
-    "BetweenTicks",
-    "Carried",
-    "Engine",
-    "Interrupts",
-    "MakeRunner",
-    "NotCopiedError",
-    "Offsets",
-    "Outcome",
-    "Point",
-    "Profile",
-    "Program",
-    "Reader",
-    "Saved",
-    "Watched",
-    "adopt",
-    "adopt_changed",
-    "begin_again",
-    "carried",
-    "labels",
-    "profile_text",
-    "python_seconds",
-    "recording_file",
-    "same_value",
-    "silent",
-    "stoppable",
-    "take_compiled",
-]

@@ -24,20 +24,3 @@ if TYPE_CHECKING:
     from runtime.experiments.tuning import TuningResult, run_tuning
 else:  # What an experiment file may say (design) is read without what runs it.
     __getattr__ = door(__name__)
-
-__all__ = [
-    "AblationResult",
-    "AblationTable",
-    "SweepConfiguration",
-    "SweepResult",
-    "SweepTable",
-    "TrialRecord",
-    "TuningResult",
-    "TuningTable",
-    "ablate",
-    "run_ablation",
-    "run_sweep",
-    "run_tuning",
-    "sweep",
-    "tune",
-]

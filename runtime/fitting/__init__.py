@@ -20,15 +20,3 @@ if TYPE_CHECKING:
     from runtime.fitting.solving import Fit, Parameter, fit_model
 else:
     __getattr__ = door(__name__)
-
-__all__ = [
-    "Fit",
-    "Model",
-    "Parameter",
-    "fit",
-    "fit_figures",
-    "fit_model",
-    "model_of",
-    "save_fit",
-    "summary",
-]

@@ -14,16 +14,3 @@ if TYPE_CHECKING:
     from runtime.graph.replaying import is_session, open_session, resumable
 else:
     __getattr__ = door(__name__)
-
-__all__ = [
-    "Content",
-    "Examination",
-    "Graph",
-    "RepeatedRuns",
-    "examine",
-    "examine_edit",
-    "is_session",
-    "load",
-    "open_session",
-    "resumable",
-]

@@ -4,5 +4,3 @@ A bridge: its door is the verb ``lsp``, and nothing but the table of verbs names
 """
 
 from runtime.lsp.verb import EXAMPLES, HELP, add, run
-
-__all__ = ["EXAMPLES", "HELP", "add", "run"]

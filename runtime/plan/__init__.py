@@ -13,7 +13,6 @@ from runtime.plan.moving import continuous_row
 from runtime.plan.operations import (
     ALWAYS,
     Call,
-    Crossing,
     Gate,
     Integrate,
     Load,
@@ -30,40 +29,4 @@ from runtime.plan.operations import (
 )
 from runtime.plan.passes import exchanged, signals_of
 from runtime.plan.stacking import Stack, Stacking, Step
-from runtime.plan.values import Argument, GuardSlot, Port, Row, Signal, Slot, Source, StateArray
-
-__all__ = [
-    "ALWAYS",
-    "Argument",
-    "CText",
-    "Call",
-    "Crossing",
-    "Gate",
-    "GuardSlot",
-    "Integrate",
-    "Load",
-    "Operation",
-    "Plan",
-    "Port",
-    "Record",
-    "Restore",
-    "Row",
-    "Signal",
-    "Slot",
-    "Solve",
-    "Source",
-    "Stack",
-    "Stacking",
-    "StateArray",
-    "Step",
-    "Stop",
-    "Store",
-    "Test",
-    "Zero",
-    "calls_in",
-    "continuous_row",
-    "exchanged",
-    "make_plan",
-    "numbers_in",
-    "signals_of",
-]
+from runtime.plan.values import Argument, GuardSlot, Port, Signal, Slot, Source, StateArray

@@ -4,5 +4,3 @@ A bridge: its door is the verb ``render``, and nothing but the table of verbs na
 """
 
 from runtime.rendering.verb import EXAMPLES, HELP, add, run
-
-__all__ = ["EXAMPLES", "HELP", "add", "run"]

@@ -1,5 +1,3 @@
 """Reports of runs, sweeps and ablations as self-contained HTML pages."""
 
 from runtime.reports.dispatch import report
-
-__all__ = ["report"]

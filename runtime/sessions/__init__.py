@@ -21,5 +21,3 @@ if TYPE_CHECKING:
     from runtime.sessions.session import CALLS, CHANGES, GRAPH, RUN, SESSION, VERSION, Session
 else:
     __getattr__ = door(__name__)
-
-__all__ = ["CALLS", "CHANGES", "GRAPH", "RUN", "SESSION", "VERSION", "Session", "changes_of"]

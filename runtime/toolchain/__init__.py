@@ -36,25 +36,3 @@ if TYPE_CHECKING:
     from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
 else:
     __getattr__ = door(__name__)
-
-__all__ = [
-    "INEXACT",
-    "QUICK",
-    "THOROUGH",
-    "VARIABLE",
-    "BuildError",
-    "Builder",
-    "Compiler",
-    "Library",
-    "MissingCompilerError",
-    "TranslationUnit",
-    "available",
-    "build",
-    "digest",
-    "find_compiler",
-    "folder",
-    "install_command",
-    "processors",
-    "read_record",
-    "write_record",
-]

@@ -15,15 +15,3 @@ from runtime.diagrams.layout.folding import fold
 from runtime.diagrams.layout.grid import Cell, Link, Pin, find_feedback
 from runtime.diagrams.layout.layers import DiagramLayout, arrange
 from runtime.diagrams.layout.wires import Point, simplify
-
-__all__ = [
-    "Cell",
-    "DiagramLayout",
-    "Link",
-    "Pin",
-    "Point",
-    "arrange",
-    "find_feedback",
-    "fold",
-    "simplify",
-]

@@ -8,5 +8,3 @@ from runtime.engine.compiled.c_plan import PlanText, c_plan
 from runtime.engine.compiled.kernels import make_kernels
 from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
 from runtime.engine.compiled.signals import Ending
-
-__all__ = ["CheckedRunner", "CompiledRunner", "Ending", "PlanText", "c_plan", "make_kernels"]

@@ -5,5 +5,3 @@ It imports little, so that a command starts the processes before it imports the 
 
 from runtime.experiments.processes import choice
 from runtime.experiments.processes.process_executor import ProcessExecutor, WorkerDied
-
-__all__ = ["ProcessExecutor", "WorkerDied", "choice"]

@@ -2,7 +2,6 @@
 
 from runtime.experiments.tuning.contest import (
     CONTEST,
-    ContestResult,
     agreement,
     contest_plans,
     run_contest,
@@ -13,23 +12,3 @@ from runtime.experiments.tuning.plan import TUNING, tuning_plan
 from runtime.experiments.tuning.running import TuningResult, run_tuning
 from runtime.experiments.tuning.scores import Candidate
 from runtime.experiments.tuning.writing import check_writable, write_values
-
-__all__ = [
-    "CONTEST",
-    "NOTHING",
-    "TUNING",
-    "Candidate",
-    "ContestResult",
-    "Judgement",
-    "TuningResult",
-    "agreement",
-    "check_writable",
-    "contest_plans",
-    "judgements",
-    "run_contest",
-    "run_tuning",
-    "save_json",
-    "summary",
-    "tuning_plan",
-    "write_values",
-]

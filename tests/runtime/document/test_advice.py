@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -245,4 +246,8 @@ def test_the_pip_line_installs_this_copy(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.chdir(tmp_path)
     assert pip_line("tune") == f"pip install -e '{extras.ROOT}[tune]'"
     monkeypatch.setattr(extras, "ROOT", tmp_path)
-    assert pip_line("tune") == "pip install 'spikeblocks[tune]'"
+    came_from = {None: "spikeblocks", '{"url": "file:///a%20b/one.whl"}': "/a b/one.whl"}
+    for written, origin in came_from.items():
+        installed = SimpleNamespace(read_text=lambda name, text=written: text)
+        monkeypatch.setattr("importlib.metadata.distribution", lambda name, i=installed: i)
+        assert pip_line("tune") == f"pip install '{origin}[tune]'"
