@@ -71,13 +71,13 @@ def _lead(found: list[Answer]) -> str:
     """What came out, in two sentences: adaptation beside none, and spikes beside other learners."""
     first = found[0]
     same = [x for x in found if _question_of(x) == _question_of(first) and x.other == first.other]
-    shares = ", ".join(f"{x.one} {ratio(x.contrast)}" for x in same)
+    shares = ", ".join(f"{ratio(x.contrast)} with {x.one}" for x in same)
     words = [x.contrast.word for x in found if x.one == "spikes" and x.other in LEARNERS]
     counts = ", ".join(f"{word} in {words.count(word)}" for word in COLOURS if word in words)
     return (
-        f"**In short.** Where {_place(first)} is looked at, the error is this share of the tuned "
-        f"{first.other}'s: {shares}. Of {len(words)} comparisons of spikes with learners that have "
-        f"the same error, inputs and factors ({', '.join(LEARNERS)}), spikes are {counts}."
+        f"**In short.** On runs with {_place(first)}, the error as a share of the tuned "
+        f"{first.other}'s is {shares}. Of {len(words)} comparisons of spikes with learners that "
+        f"have the same error, inputs and factors ({', '.join(LEARNERS)}), spikes are {counts}."
     )
 
 
