@@ -83,8 +83,10 @@ class SweepResult:
             f"({plan.total // len(plan.seeds)} configurations, seeds {plan.seeds}): {counts}; "
             f"{self.wall_s:.1f} s"
         ]
+        if not plan.metrics:
+            lines.append("the graph has no metrics, so that there is nothing to compare")
         if plan.objective is None:
-            return lines[0]
+            return "\n".join(lines)
         if not tally.best:
             lines.append(f"no configuration has a value of {plan.objective.metric} for every seed")
             return "\n".join(lines)

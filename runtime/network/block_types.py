@@ -89,10 +89,11 @@ def _report_no_type(node: Node, address: str, problems: Problems) -> None:
     type_node = node.get("type")
     got = "" if type_node is None else f", got {type_node.describe()}"
     where = node.key if type_node is None else type_node.where
-    misspelt = node.get(closest("type", [key for key, _ in node.items()]))
-    if type_node is None and misspelt is not None:
-        where = misspelt.key
     message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
+    near = closest("type", [key for key, _ in node.items()])
+    misspelt = node.get(near)
+    if type_node is None and misspelt is not None:
+        where, message = misspelt.key, f"unknown key '{near}', did you mean 'type'?"
     problems.add(where, address, message)
 
 

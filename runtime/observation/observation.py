@@ -50,6 +50,11 @@ class Observation:
         """The plots of a run."""
         return self.plots or self.defaults
 
+    def metric_example(self, name: str = "largest") -> str:
+        """What to write into a graph that has no metric, to have one."""
+        probe = next(iter(self.probes), "PROBE")
+        return f"add one, as in metrics: {{{name}: {{kind: max_abs, of: {probe}}}}}"
+
     @property
     def metric_units(self) -> dict[str, str]:
         """The units of the metrics that have one."""

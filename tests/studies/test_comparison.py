@@ -166,3 +166,13 @@ def test_controllers_that_are_given_have_no_scatter_of_tunings() -> None:
     wide, narrow = (judge.contrast(a, b, 0.2, of_these=only) for only in (False, True))
     assert narrow.mean == wide.mean
     assert narrow.high - narrow.low < 0.5 * (wide.high - wide.low)
+
+
+def test_an_interrupted_tuning_has_no_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its held-out runs are not those of the others, so that pairs would be wrong."""
+    monkeypatch.setattr(rows, "tasks", lambda: [])
+    own = tmp_path / "LQR-0"
+    own.mkdir()
+    (own / "tuning.json").write_text('{"status": "interrupted"}', encoding="utf-8")
+    with pytest.raises(UsageError, match="no judged tuning"):
+        rows.gather("path", tmp_path)

@@ -124,5 +124,6 @@ def check_metric(graph: Graph, name: str, where: Where, address: str, problems: 
     """Check that a graph has a metric that an objective or a constraint names."""
     known = [metric.name for metric in graph.observation.metrics]
     if name not in known:
-        suggestion = hint(name, known) or f"; it has {', '.join(known) or 'none'}"
+        has = ", ".join(known) or f"none; {graph.observation.metric_example(name)}"
+        suggestion = hint(name, known) or f"; it has {has}"
         problems.add(where, address, f"the graph has no metric '{name}'{suggestion}")

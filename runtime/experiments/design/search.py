@@ -92,7 +92,8 @@ def tuning_of(experiment: Experiment) -> TuningSettings:
     objectives = entries.objectives
     if not objectives:
         if not graph.observation.metrics:
-            raise UsageError("the graph has no metrics to tune for; add 'metrics:'")
+            example = graph.observation.metric_example()
+            raise UsageError(f"the graph has no metric to tune for; {example}")
         objectives = (Objective(graph.observation.metrics[0].name),)
     own = graph.network.seed
     seeds, conditions = entries.training

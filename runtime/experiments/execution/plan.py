@@ -256,7 +256,8 @@ def ablation_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan
     if not variants:
         raise UsageError("no block of this graph can be removed alone; give variants")
     if not experiment.graph.observation.metrics:
-        raise UsageError("the graph has no metrics to compare variants by; add 'metrics:'")
+        example = experiment.graph.observation.metric_example()
+        raise UsageError(f"the graph has no metrics to compare variants by; {example}")
     plan = _plan("ablation", experiment, experiment.seeds or ABLATION_SEEDS, variants, note)
     return replace(plan, essential=essential)
 

@@ -143,7 +143,7 @@ CASES = {
     ],
     "type misspelt": [
         ("{type: LinePath}", "{y: 3, typ: LinePath}"),
-        "g.yaml:4:17: blocks.track: expected a type, as in {type: Sum}; see 'runtime blocks'",
+        "g.yaml:4:17: blocks.track: unknown key 'typ', did you mean 'type'?",
     ],
     "block of a text": [
         ("{type: LinePath}", "LinePath"),

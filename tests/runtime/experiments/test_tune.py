@@ -288,6 +288,10 @@ class TestWriting:
         (("--minimize", "drwn"), "did you mean 'drawn'?"),
         (("--constrain", "drawn under 3"), "expected a constraint as 'effort below 0.3'"),
         (("--constrain", "nope below 3"), "the graph has no metric 'nope'"),
+        (
+            ("--set", "metrics={}", "--minimize", "drawn"),
+            "it has none; add one, as in metrics: {drawn: {kind: max_abs, of: out}}",
+        ),
         (("--held-out", "2..4"), "condition 'nominal' with seed 2 is both in training and held"),
         (("--vary", "blocks.draw.level=0..1"), "is varied twice"),
         (("--name", "a/b"), "--name a/b: expected letters"),

@@ -136,6 +136,7 @@ class Answer:
     one: str
     other: str
     contrast: Contrast
+    effort: float  # the mean effort of the one over that of the other
 
 
 def answers(question: dict[str, object]) -> list[Answer]:
@@ -153,6 +154,7 @@ def _answers(question: dict[str, object]) -> Iterator[Answer]:
     of_these = question.get("of_these") is True
     for task, groups in _where(question).items():
         for group in groups if task in rows.tasks() else ():
+            effort = raw(task, "effort", group)
             for metric in _names(question.get("measures", ["error"])):
                 found = cells(task, metric, group)
                 for one, other in _pairs(question):
@@ -160,7 +162,8 @@ def _answers(question: dict[str, object]) -> Iterator[Answer]:
                         a, b = found[one], found[other]
                         result = contrast(a.values, b.values, plan.margin(), of_these=of_these)
                         result = replace(result, failed=(a.failed, b.failed))
-                        yield Answer(task, group, metric, one, other, result)
+                        share = effort[one] / effort[other]
+                        yield Answer(task, group, metric, one, other, result, share)
 
 
 def _where(question: dict[str, object]) -> Mapping[str, Sequence[str]]:

@@ -45,6 +45,7 @@ def _head(answered: list[Answered]) -> str:
     entries = plan.read()["tasks"]
     done = rows.tasks()
     lines = ["# Does spiking adaptation help, and where?", ""]
+    lines += [_lead([line for _, _, found in answered for line in found]), ""]
     for number, ask, found in answered:
         lines += [f"{number}. {ask}", *(f"   * {line}" for line in _in_short(found))]
     lines += [
@@ -63,17 +64,45 @@ def _head(answered: list[Answered]) -> str:
     return "\n".join(lines)
 
 
+LEARNERS = ("MRAC", "features", "rate neurons")
+
+
+def _lead(found: list[Answer]) -> str:
+    """What came out, in two sentences: adaptation beside none, and spikes beside other learners."""
+    first = found[0]
+    same = [x for x in found if _question_of(x) == _question_of(first) and x.other == first.other]
+    shares = ", ".join(f"{ratio(x.contrast)} with {x.one}" for x in same)
+    words = [x.contrast.word for x in found if x.one == "spikes" and x.other in LEARNERS]
+    counts = ", ".join(f"{word} in {words.count(word)}" for word in COLOURS if word in words)
+    return (
+        f"**In short.** On runs with {_place(first)}, the error as a share of the tuned "
+        f"{first.other}'s is {shares}. Of {len(words)} comparisons of spikes with learners that "
+        f"have the same error, inputs and factors ({', '.join(LEARNERS)}), spikes are {counts}."
+    )
+
+
+def _question_of(line: Answer) -> tuple[str, str, str]:
+    return line.task, line.group, line.metric
+
+
 def _in_short(found: list[Answer]) -> Iterator[str]:
     """How often which verdict, and from which ratio to which, for each pair."""
     for one, other in dict.fromkeys((line.one, line.other) for line in found):
-        own = [line.contrast for line in found if (line.one, line.other) == (one, other)]
-        words = [each.word for each in own]
+        own = [line for line in found if (line.one, line.other) == (one, other)]
+        words = [each.contrast.word for each in own]
         said = [
             f"**{word}** in {words.count(word)} of {len(own)}" for word in COLOURS if word in words
         ]
-        ends = sorted(math.exp(each.mean) for each in own)
-        ratios = f"{ends[0]:.2f}" + f" to {ends[-1]:.2f}" * (len(own) > 1)
-        yield f"{one} against {other}: {', '.join(said)}; ratio {ratios}."
+        ratios = _ends([math.exp(each.contrast.mean) for each in own])
+        yield (
+            f"{one} against {other}: {', '.join(said)}; ratio {ratios}, at "
+            f"{_ends([each.effort for each in own])} times the effort."
+        )
+
+
+def _ends(values: list[float]) -> str:
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _registered() -> str:
@@ -121,15 +150,16 @@ def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
     lines[-1] += " Grey is the range within the margin."
     lines += ["", "<details><summary>The table</summary>", ""]
     lines += [
-        "| where | measure | contestant | against | ratio | verdict | failed runs |",
-        "|" + "---|" * 7,
+        "| where | measure | contestant | against | ratio | effort | verdict | failed runs |",
+        "|" + "---|" * 8,
     ]
     for line in found:
         failed = (
             "–" if line.contrast.failed == (0, 0) else "{} and {}".format(*line.contrast.failed)
         )
         cells = [_group(line), _measure(line), line.one, line.other, ratio(line.contrast)]
-        lines.append(f"| {' | '.join([*cells, _verdict(line.contrast), failed])} |")
+        cells += [f"{line.effort:.2f}", _verdict(line.contrast), failed]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join([*lines, "", "</details>"])
 
 
@@ -151,8 +181,8 @@ def _words(found: list[Answer]) -> Iterator[str]:
             places = [line for line in own if line.contrast.word == word]
             named = "; ".join(f"{_place(x)}, {ratio(x.contrast)}" for x in places)
             if len(places) == len(own) > 1:
-                ends = sorted(math.exp(x.contrast.mean) for x in own)
-                named = f"all {len(own)} comparisons, {ends[0]:.2f} to {ends[-1]:.2f}"
+                ends = _ends([math.exp(x.contrast.mean) for x in own])
+                named = f"all {len(own)} comparisons, {ends}"
             said += [f"**{word}** ({named})"] if places else []
         yield f"* {one} against {other}: {', '.join(said)}."
 
@@ -321,7 +351,10 @@ FOOT = """## How to read this
 * **Error**: geometric mean in ratios, arithmetic mean in tables; a failed run counts as the
   task's limit.
 * **Effort**: root mean square of the command's change from one tick to the next, at the rate at
-  which it changes. Training runs must stay below the task's limit; held out it is only reported.
+  which it changes. The mean over the training runs must stay below the task's limit; held out it
+  is only reported, as a ratio beside each ratio of errors. *Equal limits are not equal efforts*:
+  tunings of task `path` train with a noisy pose as well, which uses up the limit; those of
+  `retuned` do not, and spend more on quiet runs, from which an LQR gains most.
 * The *oracle* takes the fault, which it knows, out of the command of a tuned LQR. It is no bound:
   it knows neither noise nor what the LQR itself leaves, and a ratio below 1 against it is possible.
 * *One setting* is what the graphs ship: it was found in an earlier study, on three other graphs

@@ -65,7 +65,7 @@ def gather(task: str, folder: Path) -> Path:
         for tuning in range(plan.tunings(task, name)):
             first = settings["tasks"][task].get("sampling_seed", 0)
             own = folder / f"{start}-{first + tuning}"
-            if (own / "tuning.json").exists():
+            if _is_judged(own):
                 found += _rows(name, tuning, own)
             else:
                 found += [x for x in old if (x["contestant"], x["tuning"]) == (name, str(tuning))]
@@ -80,6 +80,12 @@ def gather(task: str, folder: Path) -> Path:
     path = ROWS / f"{task}.csv.xz"
     path.write_bytes(lzma.compress(text.getvalue().encode(), preset=9))
     return path
+
+
+def _is_judged(own: Path) -> bool:
+    """Whether a tuning and all of its held-out runs are complete, and not interrupted."""
+    facts = own / "tuning.json"
+    return facts.exists() and json.loads(facts.read_text("utf-8"))["status"] == "complete"
 
 
 def _rows(name: str, tuning: int, own: Path) -> Iterator[Row]:
