@@ -18,6 +18,7 @@ import runtime
 from runtime.cli.shipped import shipped
 
 FOLDER = Path(__file__).parent.parent / "graphs" / "gallery"
+LONG = {"spa_question"}  # seconds until it runs
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
 Array = npt.NDArray[np.float64]
 Rates = Callable[[float, Any], Sequence[float]]
@@ -206,8 +207,15 @@ def _text(name: str) -> str:
     return (FOLDER / f"{name}.yaml").read_text()
 
 
-@pytest.mark.parametrize("ticks", [300, pytest.param(2000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in MODELS])
+@pytest.mark.parametrize(
+    ("name", "ticks"),
+    [
+        pytest.param(name, ticks, marks=pytest.mark.slow if ticks == 2000 or name in LONG else ())
+        for name in NAMES
+        if name not in MODELS
+        for ticks in (300, 2000)
+    ],
+)
 def test_a_graph_runs(name: str, ticks: int) -> None:
     graph = runtime.load(FOLDER / f"{name}.yaml")
     until = min(2.0, ticks * graph.network.dt, graph.network.until)

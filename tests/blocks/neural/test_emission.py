@@ -84,13 +84,18 @@ def test_regular_spikes_are_nengos(ours: Any, theirs: Any) -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+RATE = ("LIFRate", nengo.LIFRate())
+FAST = ({"type": "Tanh", "tau_ref": 0.0004}, nengo.Tanh(0.0004))
+
+
 @pytest.mark.parametrize(
-    ("kind", "theirs"), [("stochastic", nengo.StochasticSpiking), ("poisson", nengo.PoissonSpiking)]
-)
-@pytest.mark.parametrize(
-    "base",
-    [("LIFRate", nengo.LIFRate()), ({"type": "Tanh", "tau_ref": 0.0004}, nengo.Tanh(0.0004))],
-    ids=["LIFRate", "Tanh"],
+    ("kind", "theirs", "base"),
+    [
+        ("stochastic", nengo.StochasticSpiking, RATE),
+        ("poisson", nengo.PoissonSpiking, FAST),
+        pytest.param("stochastic", nengo.StochasticSpiking, FAST, marks=pytest.mark.slow),
+        pytest.param("poisson", nengo.PoissonSpiking, RATE, marks=pytest.mark.slow),
+    ],
 )
 def test_random_spikes_have_nengos_mean_and_variance(kind: str, theirs: Any, base: Any) -> None:
     plain = {"type": base[0]} if isinstance(base[0], str) else base[0]

@@ -24,7 +24,7 @@ def imu(of: str, dt: float = 0.01, **entry: Any) -> Any:
     return respond({"type": "IMU", **entry}, inputs, dt=dt, of=of)
 
 
-@pytest.mark.parametrize("dt", [0.01, 0.001])
+@pytest.mark.parametrize("dt", [0.01, pytest.param(0.001, marks=pytest.mark.slow)])
 def test_the_density_of_an_imu_does_not_depend_on_the_step(dt: float) -> None:
     gyro = imu("gyro", dt, gyro_noise=2e-3, gyro_walk=0.0)
     # The integral over a second has the deviation of the density, at any step.

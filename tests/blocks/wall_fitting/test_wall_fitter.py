@@ -98,11 +98,12 @@ def test_rows_are_even_and_agree_with_each_other(
         assert abs(here - 30) <= 6
 
 
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 4])
 def test_the_path_goes_counterclockwise_round_a_room(
-    views: list[tuple[Pose, np.ndarray]],
+    views: list[tuple[Pose, np.ndarray]], every: int
 ) -> None:
     fitter = Fitter()
-    for pose, scan in views:
+    for pose, scan in views[::every]:
         path, _, _ = fitter(scan, pose)
         here = ahead(path, pose)[0]
         # Fillets turn up to half a corner before the level set does.
@@ -237,9 +238,9 @@ def test_half_of_the_returns_are_enough(views: list[tuple[Pose, np.ndarray]], fo
     assert np.mean(errors) < 0.015
 
 
-def test_it_keeps_the_rules_of_blocks() -> None:
-    for side in ("right", "left"):
-        runtime.check_block(WallFitter(side=side, samples=60), {"scan": blocks.Scan(120)}, dt=0.1)
+@pytest.mark.parametrize("side", ["right", pytest.param("left", marks=pytest.mark.slow)])
+def test_it_keeps_the_rules_of_blocks(side: str) -> None:
+    runtime.check_block(WallFitter(side=side, samples=60), {"scan": blocks.Scan(120)}, dt=0.1)
 
 
 @pytest.mark.parametrize(

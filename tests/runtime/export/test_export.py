@@ -79,8 +79,15 @@ def replayed(folder: Path, *flags: str) -> str:
 
 
 @needs_compiler
-@pytest.mark.parametrize("flags", [("-O2",), ("-O1", *SANITIZE)], ids=["plain", "sanitized"])
-@pytest.mark.parametrize("kind", ["case_a", "case_a_float"])
+@pytest.mark.parametrize(
+    ("kind", "flags"),
+    [
+        ("case_a", ("-O1", *SANITIZE)),
+        ("case_a_float", ("-O2",)),
+        pytest.param("case_a", ("-O2",), marks=pytest.mark.slow),
+        pytest.param("case_a_float", ("-O1", *SANITIZE), marks=pytest.mark.slow),
+    ],
+)
 def test_the_generated_test_passes(
     kind: str, flags: tuple[str, ...], request: pytest.FixtureRequest
 ) -> None:
@@ -378,7 +385,7 @@ def test_a_recording_in_which_nothing_moves_is_named(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 5])
 def test_local_arrays_have_the_memory_that_they_reserve(every: int, tmp_path: Path) -> None:
     for block, port in ((blocks.DiscretePID(kd=0.1), "error"), (blocks.Delay(delay=0.1), "input")):
         graph = runtime.Graph("reserved", dt=0.01, until=0.5).add("signal", blocks.Sine())

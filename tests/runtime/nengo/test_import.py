@@ -90,6 +90,7 @@ def test_the_text_is_short_and_says_what_is_computed(tmp_path: Path) -> None:
     assert "learning: {rule: pes, learning_rate: 0.0002, tau: 0.005}" in text
 
 
+@pytest.mark.slow
 def test_basal_ganglia_of_ten_actions_are_under_sixty_lines(tmp_path: Path) -> None:
     imported(tmp_path, ARRAYS.replace("[0.2, 0.8, 0.5]", "[0.1] * 10").replace("(3)", "(10)"))
     text = (tmp_path / "my.yaml").read_text(encoding="utf-8")
@@ -97,6 +98,7 @@ def test_basal_ganglia_of_ten_actions_are_under_sixty_lines(tmp_path: Path) -> N
     assert "groups: 10" in text
 
 
+@pytest.mark.slow
 def test_redraw_has_functions_and_no_arrays(tmp_path: Path) -> None:
     done = imported(tmp_path, ARRAYS, redraw=True)
     text = done.files[0].read_text(encoding="utf-8")

@@ -221,7 +221,12 @@ def test_what_a_connection_brings_and_learns_is_nengos(synapse: Any, rule: Any, 
 
 
 @pytest.mark.parametrize(
-    "kind", [nengo.LIF(), nengo.RegularSpiking(nengo.Tanh()), nengo.Izhikevich()]
+    "kind",
+    [
+        nengo.LIF(),
+        nengo.RegularSpiking(nengo.Tanh()),
+        pytest.param(nengo.Izhikevich(), marks=pytest.mark.slow),
+    ],
 )
 def test_a_chain_without_synapses_is_one_step_as_in_nengo(kind: Any) -> None:
     with nengo.Network(seed=1) as network:

@@ -90,8 +90,10 @@ def killed(process: subprocess.Popen[bytes], folder: Path, moment: float) -> boo
     return bool(unfinished(folder))
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("kills", [1, pytest.param(25, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("engine", "kills"),
+    [("compiled", 1), *(pytest.param(e, 25, marks=pytest.mark.slow) for e in ENGINES)],
+)
 def test_a_killed_run_goes_on(
     engine: str, kills: int, script: Path, cli: Run, tmp_path: Path
 ) -> None:

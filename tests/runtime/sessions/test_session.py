@@ -94,7 +94,7 @@ def test_a_branch_half_way_has_the_bits_of_a_run(name: str, engine: str) -> None
     assert whole.metrics == session.result().metrics
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
 def test_a_session_with_a_plant_of_mujoco(engine: str, tmp_path: Path) -> None:
     """What MuJoCo keeps of the robot goes back with a snapshot, and into a branch."""
     pytest.importorskip("mujoco")
