@@ -246,21 +246,26 @@ class Flow:
             self.decoded[family] = source
         source.weights[index] = weights
         matrix = np.zeros((rows, source.size))
-        matrix[:, index * rows : (index + 1) * rows] = np.eye(rows)
+        factors = 1.0 / self._gains(connection) if holds_gains(connection) else np.ones(rows)
+        matrix[:, index * rows : (index + 1) * rows] = np.diag(factors)
         return [(source, matrix)]
 
     def _weights(self, connection: Any, ensemble: Any, is_neurons: bool) -> FloatArray:
         if not is_neurons:
             weights = np.asarray(self.simulator.data[connection].weights, dtype=float)
-            if is_full(connection):
+            if is_full(connection) and not holds_gains(connection):
                 # Nengo multiplies such weights by the gains, and so does an Ensemble its currents.
-                gain = self.simulator.data[connection.post_obj].gain[:, None]
-                weights = np.divide(weights, gain, out=np.zeros_like(weights), where=gain != 0.0)
+                weights = weights / self._gains(connection)[:, None]
             return weights
         columns = np.arange(ensemble.n_neurons)[connection.pre_slice]
         weights = np.zeros((connection.size_out, ensemble.n_neurons))
         weights[:, columns] = self.matrix(connection, len(columns))
         return weights
+
+    def _gains(self, connection: Any) -> FloatArray:
+        """The gains after a connection's weights; infinite where 0, for 1/gain is 0 then."""
+        gain = np.asarray(self.simulator.data[connection.post_obj].gain, dtype=float)
+        return np.where(gain == 0.0, np.inf, gain)
 
     def filtered(self, source: Source, synapse: Any) -> Source:
         """A source through one more synapse; that of decoded spikes is their own."""
@@ -331,6 +336,16 @@ def is_full(connection: Any) -> bool:
         and isinstance(connection.post_obj, nengo.Ensemble)
         and bool(getattr(solver, "weights", False))
     )
+
+
+def holds_gains(connection: Any) -> bool:
+    """Whether a rule changes the weights of a solver as Nengo has them, times the gains.
+
+    Oja's rule and BCM do; the currents are then divided by the gains, which an Ensemble multiplies
+    by. PES changes decoders, in front of the gains.
+    """
+    rule = rule_of(connection)
+    return is_full(connection) and isinstance(rule, (nengo.BCM, nengo.Oja))
 
 
 def is_direct(ensemble: Any) -> bool:
