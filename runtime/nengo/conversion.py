@@ -258,17 +258,15 @@ class Conversion:
             return self.addresses[key]
         name = f"{population.name}_{consumer}".rstrip("_")
         spikes = f"{population.name}.{port}"
-        if is_full(connection) and rule is not None and not supervised:
-            # Nengo's rule changes weights that hold the gains, ours those before the gains.
-            message = "such a rule on weights of a solver is not read; connect the neurons"
-            raise UsageError(f"{connection}: {message}")
         if between_neurons(connection) and matrix is None and not supervised:
             entry = {"type": "Weights", "weights": weights, "synapse": synapse}
             name = self.add(name, entry)
             self.result.wires[name] = {"spikes": spikes}
             if rule is not None:
                 entry["learning"] = rule_entry(rule)
-                post = self.flow.of[connection.post_obj.ensemble][0]
+                post = self.flow.of[getattr(connection.post_obj, "ensemble", connection.post_obj)][
+                    0
+                ]
                 self.result.wires[name]["post"] = f"{post.name}.spikes"
                 self.learners.setdefault(connection, name)
             address = f"{name}.current"

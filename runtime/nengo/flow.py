@@ -9,6 +9,7 @@ sources: outputs of nodes, decoded spikes, and filtered sources::
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,6 +20,10 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.nengo.convolution import TRANSFORMS, convolution_matrix
+
+# Bytes of one transform. Connections in a row are multiplied as matrices, which also a convolution
+# is: 28 x 28 x 1 to 26 x 26 x 32 takes 136 MB, a second such layer 6.4 GB.
+LARGEST = 1 << 30
 
 
 @dataclass(eq=False)
@@ -148,9 +153,11 @@ class Flow:
         for each in self.incoming.get(receiver, ()):
             if is_full(each):
                 continue
-            place = np.zeros((receiver.size_in, each.size_out))
-            place[np.arange(receiver.size_in)[each.post_slice], np.arange(each.size_out)] = 1.0
-            terms += [(source, place @ matrix) for source, matrix in self.through(each)]
+            rows = np.arange(receiver.size_in)[each.post_slice]
+            for source, matrix in self.through(each):
+                placed = np.zeros((receiver.size_in, matrix.shape[1]))
+                np.add.at(placed, rows, matrix)  # an index may be there twice
+                terms.append((source, placed))
         return summed(terms)
 
     def into_population(self, population: Population, neurons: bool = False) -> Terms:
@@ -177,8 +184,8 @@ class Flow:
             terms: Terms = [(self.node_output(before), np.eye(before.size_out))]
         else:
             terms = self.into(before)
-        chosen = np.eye(before.size_out)[np.arange(before.size_out)[connection.pre_slice]]
-        terms = [(source, chosen @ m) for source, m in terms]
+        chosen = np.arange(before.size_out)[connection.pre_slice]
+        terms = [(source, m[chosen]) for source, m in terms]
         if connection.function is not None:
             computed = Computed(connection.function, terms, len(chosen), connection.size_mid)
             source = self.sources.setdefault(connection, computed)
@@ -191,7 +198,19 @@ class Flow:
         return self.sources.setdefault(node, NodeOutput(node, node.size_out))
 
     def matrix(self, connection: Any, columns: int) -> FloatArray:
-        """The transform of a connection as a matrix."""
+        """The transform of a connection as a matrix.
+
+        Raises
+        ------
+        UsageError : the matrix is larger than ``LARGEST``, or the transform is not read.
+        """
+        shape = connection.size_out, columns
+        if 8 * math.prod(shape) > LARGEST:
+            raise UsageError(
+                f"{connection}: its transform is read as a matrix of {shape[0]} x {shape[1]}, "
+                f"{8 * math.prod(shape) / 2**30:.1f} GiB; at most {LARGEST >> 30} GiB is: use "
+                "fewer filters, larger strides or a smaller input"
+            )
         weights = self.simulator.data[connection].weights
         if weights is None:
             return np.eye(connection.size_out, columns)
@@ -227,21 +246,26 @@ class Flow:
             self.decoded[family] = source
         source.weights[index] = weights
         matrix = np.zeros((rows, source.size))
-        matrix[:, index * rows : (index + 1) * rows] = np.eye(rows)
+        factors = 1.0 / self._gains(connection) if holds_gains(connection) else np.ones(rows)
+        matrix[:, index * rows : (index + 1) * rows] = np.diag(factors)
         return [(source, matrix)]
 
     def _weights(self, connection: Any, ensemble: Any, is_neurons: bool) -> FloatArray:
         if not is_neurons:
             weights = np.asarray(self.simulator.data[connection].weights, dtype=float)
-            if is_full(connection):
+            if is_full(connection) and not holds_gains(connection):
                 # Nengo multiplies such weights by the gains, and so does an Ensemble its currents.
-                gain = self.simulator.data[connection.post_obj].gain[:, None]
-                weights = np.divide(weights, gain, out=np.zeros_like(weights), where=gain != 0.0)
+                weights = weights / self._gains(connection)[:, None]
             return weights
         columns = np.arange(ensemble.n_neurons)[connection.pre_slice]
         weights = np.zeros((connection.size_out, ensemble.n_neurons))
         weights[:, columns] = self.matrix(connection, len(columns))
         return weights
+
+    def _gains(self, connection: Any) -> FloatArray:
+        """The gains after a connection's weights; infinite where 0, for 1/gain is 0 then."""
+        gain = np.asarray(self.simulator.data[connection.post_obj].gain, dtype=float)
+        return np.where(gain == 0.0, np.inf, gain)
 
     def filtered(self, source: Source, synapse: Any) -> Source:
         """A source through one more synapse; that of decoded spikes is their own."""
@@ -312,6 +336,16 @@ def is_full(connection: Any) -> bool:
         and isinstance(connection.post_obj, nengo.Ensemble)
         and bool(getattr(solver, "weights", False))
     )
+
+
+def holds_gains(connection: Any) -> bool:
+    """Whether a rule changes the weights of a solver as Nengo has them, times the gains.
+
+    Oja's rule and BCM do; the currents are then divided by the gains, which an Ensemble multiplies
+    by. PES changes decoders, in front of the gains.
+    """
+    rule = rule_of(connection)
+    return is_full(connection) and isinstance(rule, (nengo.BCM, nengo.Oja))
 
 
 def is_direct(ensemble: Any) -> bool:

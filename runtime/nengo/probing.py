@@ -19,7 +19,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.nengo.decoding import Probed
-from runtime.nengo.flow import Decoded, Flow, Terms, is_direct, is_full, rule_of
+from runtime.nengo.flow import Decoded, Flow, Terms, holds_gains, is_direct, is_full, rule_of
 from runtime.nengo.populations import rule_entry, synapse_entry
 
 STATES = {"input": "drive", "refractory_time": "refractory", "adaptation": "recovery"}
@@ -160,7 +160,7 @@ def _of_weights(conversion: Conversion, probe: Any, name: str) -> Recording:
     address = f"{conversion.learner(connection)}.weights"
     source = conversion.flow.through(connection)[0][0]
     late = int(not (isinstance(source, Decoded) and source.is_prompt))
-    if is_full(connection):
+    if is_full(connection) and not holds_gains(connection):
         gain = conversion.simulator.data[connection.post_obj].gain[:, None]
         return Recording(probe, address, late, then=lambda v: v * gain)
     return Recording(probe, address, late, then=lambda v: v)

@@ -13,6 +13,7 @@ import textwrap
 import time
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import nengo
@@ -88,12 +89,14 @@ def characters(function: Callable[..., Any], counted: set[str]) -> int:
 
 
 def by_hand(name: str) -> int:
-    """The length of the gallery's graph of a model, without comments, and without plots, which the
-    models of Nengo have not; 0 if there is no graph.
+    """The length of the gallery's graph of a model; 0 if there is none.
+
+    Without comments, and without what the models of Nengo have not: plots, metrics and labels.
     """
     path = ROOT / "graphs" / "gallery" / "nengo" / f"{name}.yaml"
     text = path.read_text(encoding="utf-8") if path.exists() else ""
-    text = re.sub(r"^plots:\n(  .*\n)*", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^(plots|metrics):\n(  .*\n)*", "", text, flags=re.MULTILINE)
+    text = re.sub(r", label: (\[[^]]*\]|\"[^\"]*\"|[^,}]*)", "", text)
     return sum(len(line) for line in text.splitlines(True) if not line.lstrip().startswith("#"))
 
 
@@ -133,7 +136,18 @@ def table() -> str:
         for name, model in {**MODELS, **FURTHER}.items():
             lines.append(row(name, model, Path(folder)))
             print(lines[-1], flush=True)
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, "", lengths()]) + "\n"
+
+
+def lengths() -> str:
+    """How long the graphs by hand are, as shares of the models in Python."""
+    shares = {name: by_hand(name) / characters(model, set()) for name, model in MODELS.items()}
+    written = {name: share for name, share in shares.items() if share}
+    longest = max(written, key=written.__getitem__)
+    return (
+        f"By hand, {len(written)} graphs are {median(written.values()):.2f} times as long as the "
+        f"models in Python in the median, and at most {written[longest]:.2f} times ({longest})."
+    )
 
 
 def main() -> None:
