@@ -110,10 +110,16 @@ static COLD int64_t fail_index(struct context *ctx, int64_t index, int64_t size,
     return 0;
 }
 
+/* Bytes that local arrays begin at a multiple of: those of a vector register, or fewer where memory
+ * is dear. */
+#ifndef ARENA_STEP
+#define ARENA_STEP 32
+#endif
+
 /* Memory for a local array, valid until the block's call ends. */
 INLINE void *take(struct context *ctx, int64_t bytes, int64_t failure)
 {
-    bytes = (bytes + 31) & ~(int64_t)31;
+    bytes = (bytes + ARENA_STEP - 1) & ~(int64_t)(ARENA_STEP - 1);
     if (!LIKELY(bytes >= 0 && bytes <= ctx->arena_size - ctx->arena_used)) {
         fail_index(ctx, ctx->arena_used, bytes, 0, failure);
         return ctx->arena;

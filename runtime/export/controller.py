@@ -36,6 +36,7 @@ from runtime.toolchain import available
 SPARE = 1.25  # of the arena over what was used, where sizes depend on data
 UNMEASURED = 2**24  # bytes of the arena where sizes depend on data, before they are measured
 SOLVERS = re.compile(r"^static void ((?:solver|loop)_\w+)\(", re.MULTILINE)
+CMAKE_FILE = "CMakeLists.txt"
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class Exported:
     folder : of the files. files : their names. report : as in report.txt.
     inputs, outputs : of the controller. members : of each, the members of its struct in C with the
         count of their numbers, 0 of a single number. learns : whether learning can be switched off.
+    note : what was not written, and why; empty if nothing.
     """
 
     folder: Path
@@ -56,6 +58,7 @@ class Exported:
     outputs: tuple[str, ...]
     members: tuple[tuple[tuple[str, int], ...], ...] = ((), ())
     learns: bool = False
+    note: str = ""
 
 
 def export(
@@ -113,21 +116,35 @@ def export(
     sizes = cortex_sizes(files)
     files[f"{name}_test.c"] = test(layout, replay, tolerance, reason, float32)
     files["report.txt"] = report(layout, about, native, sizes, tolerance, replay, float32)
-    place = _written(files, folder, name)
+    place, note = _written(files, folder, name)
     inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
     told = layout.members, bool(layout.learnt)
-    return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told)
+    return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told, note)
 
 
-def _written(files: dict[str, str], folder: str | Path, name: str) -> Path:
-    """The folder that has the files now, and a build of them unless there is one already."""
+def _written(files: dict[str, str], folder: str | Path, name: str) -> tuple[Path, str]:
+    """The folder that has the files now, and a build of them; a note if a build of one's own is
+    there, which is left as it is.
+    """
     with system_errors(f"write to '{folder}'"):
         place = own_folder(Path(folder))
-        if not (place / "CMakeLists.txt").exists():
-            files["CMakeLists.txt"] = CMAKE.substitute(name=name)
+        build = place / CMAKE_FILE
+        names = _built(build)
+        if names is not None:
+            files[CMAKE_FILE] = CMAKE.substitute(names=" ".join(sorted({*names, name})))
         for file, content in files.items():
             write_whole(own_file(place / file), content)
-    return place
+    return place, "" if names is not None else f"not written: {build}, which is one of your own"
+
+
+def _built(build: Path) -> list[str] | None:
+    """The controllers that a build written here has; None of a build that somebody changed."""
+    if not build.exists():
+        return []
+    text = build.read_text(encoding="utf-8", errors="replace")
+    listed = re.search(r"^set\(CONTROLLERS (.*)\)$", text, re.MULTILINE)
+    names = listed[1].split() if listed else []
+    return names if text == CMAKE.substitute(names=" ".join(names)) else None
 
 
 def layout_of(

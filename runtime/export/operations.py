@@ -29,7 +29,7 @@ RETURN = re.compile(r"return \(struct \w+\)\{(?!NULL)(.*)\};$")  # NULL: after a
 CALL = re.compile(r"\b([A-Za-z_]\w*)\(")
 ARITHMETIC = re.compile(r" (?:[-+*]=?) |-=|\+=|\*=")
 TAKEN = re.compile(r"\btake\(ctx, (.*), \d+\);")
-ALIGNED = 32  # bytes that local arrays are multiples of, see take in support.h
+ALIGNED = 8  # bytes that local arrays are multiples of: ARENA_STEP of support.h
 MATH = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh"),
     *("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "exp2"),

@@ -96,7 +96,10 @@ def report(
         for port, apart in native.largest.items():
             lines.append(f"  {'.'.join(port)}: {_difference(replay, port, apart, float32)}")
             if not apart <= tolerance:
-                lines.append(f"    warning: more than the tolerance; {name}_test.c says so, too")
+                lines.append(
+                    f"    warning: more than the tolerance, so that {name}_test fails; if it is "
+                    "small enough for you, give --tolerance"
+                )
     return "\n".join([*lines, *warnings(layout, replay)]) + "\n"
 
 

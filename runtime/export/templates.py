@@ -83,6 +83,9 @@ SOURCE = Template(
 
 #include "${name}.h"
 
+/* Local arrays of few numbers are many: multiples of 32 bytes would take half as much again. */
+#define ARENA_STEP 8
+
 ${support}
 @draws@
 ${blocks}
@@ -337,26 +340,30 @@ int ${name}_load_learnt(struct ${name} *c, const void *bytes)
 )
 
 CMAKE = Template(
-    r"""# add_subdirectory() gives the target ${name}; on its own, ctest replays the run.
+    r"""# add_subdirectory() gives a target for each controller; on its own, ctest replays the runs.
 cmake_minimum_required(VERSION 3.15)
-project(${name} C)
-
-# Without fused multiplications and additions, whose last bits are others than the graph's.
-add_library(${name} STATIC ${name}.c)
-add_executable(${name}_test EXCLUDE_FROM_ALL ${name}_test.c)
-set_target_properties(${name} ${name}_test PROPERTIES C_STANDARD 99 C_EXTENSIONS OFF)
-if(NOT MSVC)
-  target_compile_options(${name} PRIVATE -ffp-contract=off)
-  target_compile_options(${name}_test PRIVATE -ffp-contract=off)
-  target_link_libraries(${name} PUBLIC m)
-endif()
-target_include_directories(${name} PUBLIC "$${CMAKE_CURRENT_SOURCE_DIR}")
-target_link_libraries(${name}_test PRIVATE ${name})
+project(controllers C)
+set(CONTROLLERS ${names})
 
 if(CMAKE_SOURCE_DIR STREQUAL CMAKE_CURRENT_SOURCE_DIR)
-  set_target_properties(${name}_test PROPERTIES EXCLUDE_FROM_ALL OFF)
   enable_testing()
-  add_test(NAME ${name} COMMAND ${name}_test)
 endif()
+foreach(name IN LISTS CONTROLLERS)
+  # Without fused multiplications and additions, whose last bits are others than the graph's.
+  add_library($${name} STATIC $${name}.c)
+  add_executable($${name}_test EXCLUDE_FROM_ALL $${name}_test.c)
+  set_target_properties($${name} $${name}_test PROPERTIES C_STANDARD 99 C_EXTENSIONS OFF)
+  if(NOT MSVC)
+    target_compile_options($${name} PRIVATE -ffp-contract=off)
+    target_compile_options($${name}_test PRIVATE -ffp-contract=off)
+    target_link_libraries($${name} PUBLIC m)
+  endif()
+  target_include_directories($${name} PUBLIC "$${CMAKE_CURRENT_SOURCE_DIR}")
+  target_link_libraries($${name}_test PRIVATE $${name})
+  if(CMAKE_SOURCE_DIR STREQUAL CMAKE_CURRENT_SOURCE_DIR)
+    set_target_properties($${name}_test PROPERTIES EXCLUDE_FROM_ALL OFF)
+    add_test(NAME $${name} COMMAND $${name}_test)
+  endif()
+endforeach()
 """
 )

@@ -80,6 +80,8 @@ def run(options: Namespace) -> int:
         return 0
     show(made.report)
     show(f"written to {made.folder}: {', '.join(made.files)}")
+    if made.note:
+        show(made.note)
     return 0
 
 

@@ -277,7 +277,10 @@ def test_float_is_measured_and_its_test_can_fail(tmp_path: Path) -> None:
     assert "tolerance 0.001" in fine.report and "warning" not in fine.report
     assert "fine" in replayed(tmp_path)
     strict = export(graph, tmp_path, blocks=["block"], float32=True, tolerance=worst)
-    assert "warning: more than the tolerance; controller_test.c says so, too" in strict.report
+    assert (
+        "warning: more than the tolerance, so that controller_test fails; if it is small enough"
+        in strict.report
+    )
     with pytest.raises(AssertionError, match="WRONG block.out"):
         replayed(tmp_path)
     with pytest.raises(UsageError, match="for --float32"):
@@ -412,21 +415,26 @@ def test_weights_of_a_run_are_the_initial_ones(cli: Run, tmp_path: Path) -> None
 
 @needs_compiler
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake")
-def test_cmake_builds_it_and_replays(case_a: Path, tmp_path: Path) -> None:
+def test_cmake_builds_all_of_a_folder_and_replays(tmp_path: Path) -> None:
+    folder, build = tmp_path / "controllers", tmp_path / "build"
+    for name in ("one", "two"):
+        made = export(runtime.load("starters/own_block"), folder, name=name, ticks=5)
+        assert not made.note
     for command in (
-        ("cmake", "-S", case_a, "-B", tmp_path),
-        ("cmake", "--build", tmp_path),
-        ("cmake", "-E", "chdir", tmp_path, "ctest", "--output-on-failure", "--no-tests=error"),
+        ("cmake", "-S", folder, "-B", build),
+        ("cmake", "--build", build),
+        ("cmake", "-E", "chdir", build, "ctest", "--output-on-failure", "--no-tests=error"),
     ):
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
-    assert "100% tests passed" in done.stdout
+    assert "100% tests passed, 0 tests failed out of 2" in done.stdout
 
 
 def test_a_build_that_is_there_is_kept(tmp_path: Path) -> None:
     (tmp_path / "CMakeLists.txt").write_text("project(own)\n")
     made = export(runtime.load("starters/own_block"), tmp_path, ticks=5)
     assert "CMakeLists.txt" not in made.files
+    assert made.note.startswith("not written: ")
     assert (tmp_path / "CMakeLists.txt").read_text() == "project(own)\n"
 
 
