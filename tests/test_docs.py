@@ -338,6 +338,22 @@ def test_the_architecture_lists_every_room() -> None:
     assert rooms - parts - {""} == listed
 
 
+def test_names_in_the_architecture_are_those_of_the_code() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    page = re.sub(r"```.*?```", "", page, flags=re.S)
+    folders = ("blocks", "runtime", "spikeblocks", "tests", "benchmarks")
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.[pch]*")]
+    texts = {f"/{p.relative_to(ROOT)}": p.read_text("utf-8") for p in paths if p.suffix != ".pyc"}
+    words = set(chain.from_iterable(re.findall(r"\w+", f"{p} {t}") for p, t in texts.items()))
+    named = set(re.findall(r"`(\w+(?:\.\w+)*)`", page))
+    assert [name for name in sorted(named) if not words.issuperset(name.split("."))] == []
+    places = re.findall(r"`([\w.]+)` (?:in|\()\s?`([\w/]+\.py)`", page)
+    assert len(places) > 50
+    for name, file in places:
+        inside = [text for path, text in texts.items() if path.endswith(f"/{file}")]
+        assert any(name.rpartition(".")[2] in text for text in inside), f"{name} in {file}"
+
+
 def test_the_python_of_the_experiments_page_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -313,11 +313,9 @@ class Recorder:
         for name, sink in self.sinks.items():
             # Rows in a file stay there.
             parts, left = (sink.parts, sink.left) if isinstance(sink, Rows) else ((), 0)
-            found[name] = parts, sink.rows, left, self._filter(name)
+            memory = self.filters[name].saved() if name in self.filters else None
+            found[name] = parts, sink.rows, left, memory
         return found
-
-    def _filter(self, name: str) -> FloatArray | None:
-        return self.filters[name].saved() if name in self.filters else None
 
     def restore(self, saved: Saved) -> None:
         """Put back what :meth:`saved` returned, of this recorder or of one with the same probes."""

@@ -102,7 +102,9 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         for member, size in layout.learnt.items()
     ]
     members += [
-        f"    {_c_type(v)} {member}[{v.size}];" for _, member, v in layout.states() if v.size
+        f"    {C_TYPES[v.dtype.kind]} {member}[{v.size}];"
+        for _, member, v in layout.states()
+        if v.size
     ]
     text = HEADER.substitute(
         about="\n * ".join(map(comment, about)),
@@ -201,10 +203,6 @@ def _learnt(layout: Layout) -> str:
 
 def _members(layout: Layout, ports: Sequence[Port]) -> str:
     return "\n".join(map(layout.declared, ports)) or "    int none;"
-
-
-def _c_type(values: np.ndarray[Any, Any]) -> str:
-    return C_TYPES[values.dtype.kind]
 
 
 def source(layout: Layout, about: Sequence[str], float32: bool) -> str:

@@ -157,7 +157,8 @@ def _tunables(name: str, block: Block, members: set[str]) -> Iterator[Tunable]:
 def _placed(block: Block, tunables: list[Tunable], value: Callable[[Tunable], Any]) -> Block:
     """A copy of a block with other values, past its validation."""
     made = object.__new__(type(block))
-    cached = {n for c in type(block).__mro__ for n, v in vars(c).items() if _is_cached(v)}
+    every = (item for c in type(block).__mro__ for item in vars(c).items())
+    cached = {name for name, member in every if isinstance(member, cached_property)}
     vars(made).update({key: each for key, each in vars(block).items() if key not in cached})
     for one in tunables:
         own, _, key = one.path.partition(".")
@@ -171,10 +172,6 @@ def _placed(block: Block, tunables: list[Tunable], value: Callable[[Tunable], An
         else:
             vars(setting)[key] = value(one)
     return made
-
-
-def _is_cached(member: Any) -> bool:
-    return isinstance(member, cached_property)
 
 
 def _found(

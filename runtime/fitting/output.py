@@ -32,7 +32,8 @@ def summary(fit: Fit) -> str:
     for series, rms in zip(fit.model.series, fit.rms, strict=True):
         spread = float(series.values.std())
         share = f"{rms / spread:.3g}" if spread else "-"
-        rows.append([series.name, str(len(series.t)), _with_unit(rms, series.unit), share])
+        size = f"{number(rms)} {series.unit}".rstrip()
+        rows.append([series.name, str(len(series.t)), size, share])
     parts.append(table(rows, right=(1, 3)))
     reached = sum(cost <= min(fit.starts) * 1.01 + 1e-20 for cost in fit.starts)
     parts.append(
@@ -42,10 +43,6 @@ def summary(fit: Fit) -> str:
     changes = " ".join(f"--set {each.path}={each.value:.9g}" for each in fit.parameters)
     parts.append(f"the graph with these numbers: {changes}")
     return "\n".join(part.rstrip("\n") for part in parts) + "\n"
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return f"{number(value)} {unit}".rstrip()
 
 
 def as_plain(fit: Fit) -> dict[str, Any]:

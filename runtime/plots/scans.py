@@ -7,7 +7,6 @@ panels of 2 m by 2 m with the robot in the middle, at the times ``at: [2.0, 4.5]
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
-from runtime.observation import PlotSpec, Recording, RunData
+from runtime.observation import PlotSpec, RunData
 from runtime.plots import map as maps
 from runtime.plots import style
 
@@ -36,7 +35,7 @@ class Scene:
     """
 
     def __init__(self, axes: Axes, plot: PlotSpec, result: RunData) -> None:
-        self.recordings = recordings_by_kind(plot, result)
+        self.recordings = {result.probes[name].kinds[0]: result.probes[name] for name in plot.of}
         low, high = plot.options.get("angles", (-math.pi, math.pi))
         self.angles = (float(low), float(high))
         self.lines: dict[str, Line2D] = {}
@@ -75,11 +74,6 @@ class Scene:
         # pose, the beams would end beside the walls.
         pose = maps.row_at(self.recordings["Pose"], float(scans.t[maps.row_index(scans, t)]))
         return EMPTY if pose is None else maps.scan_points(scan, pose, self.angles)
-
-
-def recordings_by_kind(plot: PlotSpec, result: RunData) -> Mapping[str, Recording]:
-    """The recordings of a plot of scans, by the type of their signal."""
-    return {result.probes[name].kinds[0]: result.probes[name] for name in plot.of}
 
 
 def panel_times(plot: PlotSpec, result: RunData) -> list[float]:

@@ -10,6 +10,7 @@ import runtime
 NAME = "gallery/papers/quadrotor"
 
 
+@pytest.mark.slow
 def test_both_engines_fly_the_same() -> None:
     short = runtime.load(NAME).set("run.until", 0.25).probe("estimate", "ekf.estimate")
     python, compiled = (short.run(engine=engine) for engine in ("python", "compiled"))
