@@ -26,10 +26,10 @@ from runtime.terminal import show, tell
 
 ABOUT = "Simulate control diagrams written in YAML."
 EXAMPLES = """
-runtime run starters/adaptive --vs without=adaptive     a robot, with neurons and without
-runtime new my.yaml                                     a graph of your own, with comments
-runtime graphs                                          what comes with the package
-runtime blocks                                          the library of blocks
+runtime run starters/adaptive --vs without=adaptive  with neurons, and without
+runtime new my.yaml                                  a graph of your own
+runtime graphs                                       what the package has
+runtime blocks                                       the library of blocks
 """
 BEGIN = f"""{ABOUT} Begin with one of these:
 {indent(EXAMPLES, "  ").rstrip()}

@@ -33,7 +33,7 @@ listed as essential otherwise.
 EXAMPLES = """
 runtime ablate my.yaml --without adaptive --replace lqr=PathPID --set lqr.kp=2
 runtime ablate my.yaml --without adaptive --primary error --margin error=0.001
-runtime ablate my.yaml --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
+runtime ablate my.yaml --variant soft --set lqr.q='[0.01, 0.01, 0.01]'
 """
 
 

@@ -11,7 +11,7 @@ HELP = "print a script that completes commands and options in your shell"
 SHELLS = ("bash", "zsh", "tcsh")
 EXAMPLES = """
 runtime completion bash > ~/.local/share/bash-completion/completions/runtime
-runtime completion zsh > ~/.zfunc/_runtime     (with 'fpath+=~/.zfunc' before compinit)
+runtime completion zsh > ~/.zfunc/_runtime  (fpath+=~/.zfunc before compinit)
 runtime completion tcsh >> ~/.tcshrc
 """
 

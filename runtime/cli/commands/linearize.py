@@ -25,7 +25,7 @@ plane, with the s that they stand for). The operating point is the start of the 
 --at names, or an equilibrium that --trim finds.
 """
 EXAMPLES = """
-runtime linearize gallery/pid_loop --inputs setpoint.out --outputs gain.out -o step.png
+runtime linearize gallery/pid_loop --inputs setpoint.out --outputs gain.out
 runtime linearize gallery/pid_loop --open pid.out --margins -o margins.png
 """
 LOCUS_VALUES = 60

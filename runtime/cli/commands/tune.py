@@ -30,7 +30,7 @@ training seed. The winners are then run on held-out seeds and conditions, beside
 values. Several objectives give a front.
 """
 EXAMPLES = """
-runtime tune my.yaml --vary lqr.q.1='log(1..1000)' --minimize error --constrain 'effort below 0.3'
+runtime tune my.yaml --vary lqr.q.1='log(1..1000)' --minimize error
 runtime tune experiment.yaml --trials 200 -j 8 --write
 """
 

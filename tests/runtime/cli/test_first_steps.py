@@ -13,6 +13,7 @@ import pytest
 
 import runtime
 from runtime.cli import run
+from runtime.cli.commands import VERBS
 from runtime.cli.shipped import shipped, summary
 from runtime.terminal import in_colour
 from tests.conftest import Run
@@ -32,6 +33,20 @@ def test_a_starter_is_written_runs_and_has_values(name: str, cli: Run, tmp_path:
     assert summary["notes"] == []
     assert summary["metrics"]
     assert "my.yaml" not in (tmp_path / "mine.yaml").read_text()
+
+
+@pytest.mark.parametrize("verb", ["", *VERBS.names()])
+def test_every_help_says_what_it_does_and_fits_a_terminal(
+    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with pytest.raises(SystemExit):
+        run([*verb.split(), "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if len(line) > 80] == []
+    assert lines[lines.index("") - 1].endswith(".") and not lines[0].startswith("usage")
+    examples = lines[-lines[::-1].index("") :]
+    assert sum(line.startswith("  runtime ") for line in examples) >= 2
 
 
 def test_the_backlash_of_the_starter_has_its_closed_form(cli: Run, tmp_path: Path) -> None:
