@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -286,6 +287,17 @@ def test_no_import_circle() -> None:
     graph = nx.DiGraph((m, target) for m in modules() for target, _ in imported(m))
     circles = [sorted(c) for c in nx.strongly_connected_components(graph) if len(c) > 1]
     assert circles == []
+
+
+def test_modules_begin_with_what_goes_in_and_what_comes_out() -> None:
+    rooms = ("compiler", "codegen", "engine", "experiments", "language")
+    unsaid = []
+    for module, path in modules().items():
+        if module.startswith(tuple(f"runtime.{room}." for room in rooms)):
+            told = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            said = re.search(r"\bin(:|\s+go(es)?\b).*\bout(\s+comes?\b|:)", told, re.I | re.S)
+            unsaid += [module] if said is None and path.name != "__init__.py" else []
+    assert unsaid == []
 
 
 def test_files_and_functions_are_of_a_size_to_read() -> None:

@@ -1,7 +1,8 @@
 """Statements of the source.
 
-In go nodes of Python's syntax tree; statements of the form are added to the body. ``BUILDERS`` has
-a function for each type of node, which returns False if what follows is never reached:
+In go nodes of Python's syntax tree, out come statements of the form, added to the body.
+``BUILDERS`` has a function for each type of node, which returns False if what follows is never
+reached:
 
     if x is None:          nothing, where x is a number: the branch is never taken
         return 0.0

@@ -1,9 +1,13 @@
 """Own compiled blocks beside their Python form: a check that does not rely on the translation.
 
-After a compiled tick, a text in Python computes what blocks that are not built in compute on it,
-from the same state and from the outputs that other blocks had: their outputs, states and
-generators must be those of the compiled tick. It calls other blocks only where their outputs
-change between ticks, as those of a plant do: of these, the compiled tick has left the last value.
+In: the state before a compiled tick and after it. Out: the first :class:`Difference`, or None::
+
+    block 'mine': output 'out' is 0.30000001 compiled and 0.3 in Python
+
+A text in Python computes what blocks that are not built in compute on that tick, from the same
+state and from the outputs that other blocks had: their outputs, states and generators must be
+those of the compiled tick. It calls other blocks only where their outputs change between ticks, as
+those of a plant do: of these, the compiled tick has left the last value.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
 """The engine: owns all states of a run, and runs the plan's function at a fixed step.
 
+In: a program, a seed and a maker of the runner. Out: recordings, states and how the run ended::
+
     engine = Engine(program, seed=3)
     engine.advance(1000)          # prepares the run, and does its first thousand ticks
     engine.advance(2000)          # goes on

@@ -1,7 +1,7 @@
 """Signals that end a run: raised only where a run can stop, stored everywhere else.
 
-Ctrl-C, SIGTERM and SIGHUP end a simulation between two lines of Python. While its result is
-evaluated and written they are only stored, so that a second Ctrl-C loses nothing.
+In: Ctrl-C, SIGTERM or SIGHUP. Out: an end of the simulation between two lines of Python. While its
+result is evaluated and written they are only stored, so that a second Ctrl-C loses nothing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Recording of probes: in arrays as long as the run, or in buffers that are emptied when full.
 
-What is in a full buffer is appended to a file on disk if memory would not suffice for a run, and to
+In: rows, which the plan's text writes by ``y[k] = plant_out``. Out: an array for each probe. What
+is in a full buffer is appended to a file on disk if memory would not suffice for a run, and to
 rows in memory if nobody knows how long it will be, as in a session. A recording on disk is one
 ``.npy`` file per probe, whose header is updated each time, so that a killed run leaves a readable
 file.

@@ -1,10 +1,13 @@
 """Compiled ticks with Python's results: what compiled code does not compute is computed by Python.
 
-C code ends with a failure wherever Python might raise, or continue with another number than C has:
-an index out of range, a division by zero, integers of more than 64 bits, an output that is not
-finite. The ticks of a call then run again from a snapshot up to the one that failed, with the
-same results, and this one runs under the Python plan. If Python raises, too, that is the error of
-the run: the same as without compiling. Otherwise the run goes on under the Python engine.
+In: ticks to run. Out: the same ticks as Python has them, compiled as far as that goes. C code ends
+with a failure wherever Python might raise, or continue with another number than C has: an index out
+of range, a division by zero, integers of more than 64 bits, an output that is not finite::
+
+    ticks 400 to 800 compiled      x / y fails at tick 512
+    ticks 400 to 511 compiled      from a snapshot, with the same results
+    tick 512 in Python             raises: the error of the run, the same as without compiling;
+    ticks 513 to 800 in Python     or goes on
 
 Some ticks of blocks that are not built in are compared with their Python form, see
 :mod:`.beside`; at a difference, that tick and the rest of the run are under the Python engine.

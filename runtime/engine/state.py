@@ -1,7 +1,8 @@
 """The state of a run: everything that moves from tick to tick, under names, with one owner.
 
-A snapshot is a copy of it. Restoring one puts all values back in place: arrays keep their
-addresses, which compiled code holds, and generators stay the objects that blocks have.
+In: a program and a seed. Out: arrays by name, ``state.arrays["plant.x"]``, and snapshots of all
+that moves. Restoring one puts all values back in place: arrays keep their addresses, which compiled
+code holds, and generators stay the objects that blocks have.
 
 Everything that changes is in declared states, the blocks' generators, the solver's control, the
 search for a stop, the variables that outlive a tick, and the numbers of a compiled plan. A block of

@@ -1,8 +1,8 @@
 """The tree that :mod:`runtime.language.scan` makes: values with their keys, and where both stand.
 
-In "a: [1, 2]", the root has one item: key "a" at 0..1, its colon ends at 2, a value of kind "list"
-at 3..9 in flow style with two scalars. Offsets count characters from 0. Nothing here is checked:
-an item says what is written and not what it means.
+In: "a: [1, 2]". Out: a root with one item: key "a" at 0..1, its colon ends at 2, a value of kind
+"list" at 3..9 in flow style with two scalars. Offsets count characters from 0. Nothing here is
+checked: an item says what is written and not what it means.
 """
 
 from __future__ import annotations

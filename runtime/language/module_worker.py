@@ -1,9 +1,9 @@
 """A process that imports one Python file of blocks, and answers questions about its classes.
 
-``python -m runtime.language.module_worker FILE`` reads questions from its standard input and writes
-answers to its standard output, each as a pickled tuple after its length: ("construct", "Saturator",
-{"limit": 2.0}) is answered by ("done", (lengths, type variables)). The file is run once; what it
-prints goes to standard error. The process ends with its input.
+In: questions, on the standard input of ``python -m runtime.language.module_worker FILE``. Out:
+answers, on its standard output, each as a pickled tuple after its length: ("construct",
+"Saturator", {"limit": 2.0}) is answered by ("done", (lengths, type variables)). The file is run
+once; what it prints goes to standard error. The process ends with its input.
 """
 
 from __future__ import annotations

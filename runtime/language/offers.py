@@ -1,7 +1,8 @@
 """What completion offers: one insertion each, plain or a snippet.
 
-A snippet has places to fill in, in the language server protocol's notation: "dt: ${1:number}", or
-"kind: ${1|map,raster|}" where one of several values is chosen.
+In: a declaration. Out: an :class:`Offer`. A snippet has places to fill in, in the language server
+protocol's notation: "dt: ${1:number}", or "kind: ${1|map,raster|}" where one of several values is
+chosen.
 """
 
 from __future__ import annotations

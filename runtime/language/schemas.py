@@ -1,7 +1,8 @@
 """A JSON Schema of graph files, for editors without a language server.
 
-It is made of the declarations that the loader checks against. It knows names, types, units and
-bounds; it cannot know which blocks a graph has, nor what fits a wire.
+In: the declarations that the loader checks against. Out: the schema, as ``{"exclusiveMinimum": 0}``
+of a parameter with ``above=0.0``. It knows names, types, units and bounds; it cannot know which
+blocks a graph has, nor what fits a wire.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Source text with its lines: offsets, the positions of editors, and those of messages.
 
-An offset counts characters from 0. Editors send a line and a number of UTF-16 code units in it;
-messages have lines and columns from 1, in lines as YAML breaks them, which knows more line
-breaks than editors do. In "é😀x", "x" has offset 2, the editor's character 3 and the message's
-column 3.
+In: an offset, which counts characters from 0, or a place. Out: the other. Editors send a line and a
+number of UTF-16 code units in it; messages have lines and columns from 1, in lines as YAML breaks
+them, which knows more line breaks than editors do. In "é😀x", "x" has offset 2, the editor's
+character 3 and the message's column 3.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Runs the compiled plan for the engine, and locates where it stopped.
 
-In go a program and the states of a run; the plan's text is compiled with the kernels of its
-blocks, or found in the cache, and its struct filled with their addresses.
+In go a program and the states of a run, out comes a runner: the plan's text is compiled with the
+kernels of its blocks, or found in the cache, and its struct filled with their addresses.
 ``runner.run(1, 1000, held)`` runs ticks 1 to 999 and returns the variables that outlive them.
 """
 
