@@ -57,7 +57,7 @@ for section in ("plots", "metrics"):
     graph = graph.set(section, {})
 graph.run(until=0.002, engine=engine)
 """
-# us per tick of the second run, of a graph as shipped or with one probe, and the most memory (MB).
+# µs per tick of the second run, of a graph as shipped or with one probe, and the most memory (MB).
 TICKS = """
 import json, resource, sys
 import runtime
@@ -107,7 +107,7 @@ class Tree:
         return time.perf_counter() - began, done.stdout
 
     def measured(self, what: str, size: float) -> dict[str, list[float] | float]:
-        """Time per tick (us) and memory (MB) of a graph, compiled before."""
+        """Time per tick (µs) and memory (MB) of a graph, compiled before."""
         _, answer = self.run(TICKS, what, str(size))
         found: dict[str, list[float] | float] = json.loads(answer)
         return found
@@ -197,7 +197,7 @@ def tick_rows(
             for name, entries in trees_of.items()
         }
         medians[title] = timings[NOW].median
-        rows.append([f"{title}, per tick", *(figure(timings[n], 1.0, "us", 2) for n in found)])
+        rows.append([f"{title}, per tick", *(figure(timings[n], 1.0, "µs", 2) for n in found)])
         if BEFORE in timings:
             ratio = timings[NOW].median / timings[BEFORE].median
             wanted.append(Goal(f"{title}, per tick against before", ratio, most=1.0))
@@ -218,7 +218,7 @@ def by_hand_rows(ticks: int, rounds: int) -> tuple[list[list[str]], list[Goal]]:
     ours = next(name for name in contest.contestants if "compiled" in name)
     pair = {name: contest.contestants[name] for name in (ours, NUMBA)}
     times = type(contest)(contest.subject, pair).times(rounds)
-    rows = [[f"case A, {name}", figure(times[name], 1e6, "us", 2)] for name in pair]
+    rows = [[f"case A, {name}", figure(times[name], 1e6, "µs", 2)] for name in pair]
     ratio = times[ours].median / times[NUMBA].median
     return rows, [Goal("case A against a numba loop by hand", ratio, most=1.15)]
 

@@ -110,7 +110,7 @@ def section(rounds: int) -> str:
         {name: partial(seconds, env) for name, env in contestants.items()}, rounds, STEPS - 1
     )
     rows = [
-        [name, figure(timing, 1e6, "us"), f"{1.0 / timing.median:,.0f}"]
+        [name, figure(timing, 1e6, "µs"), f"{1.0 / timing.median:,.0f}"]
         for name, timing in timings.items()
     ]
     rate = 1.0 / timings["compiled engine"].median if "compiled engine" in timings else None

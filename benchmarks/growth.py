@@ -51,7 +51,7 @@ class Growth:
         power = math.log(ratio) / math.log(self.sizes[-1] / self.sizes[0])
         sizes = ", ".join(f"{n:,}" for n in self.sizes)
         # Of one unit, so that a row can be read at a glance.
-        scale, unit = (1e6, "us") if timings[0].median < 0.01 else (1.0, "s")
+        scale, unit = (1e6, "µs") if timings[0].median < 0.01 else (1.0, "s")
         cells = [figure(t, scale, unit, 2).partition(" (")[0] for t in timings]
         goal = Goal(f"{self.title}: exponent", power, most=self.most, unit="")
         return [self.title, self.what, sizes, ", ".join(cells), f"{power:.2f}"], goal

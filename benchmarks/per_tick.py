@@ -113,7 +113,7 @@ def parts_section(rounds: int) -> str:
         {"scan": parts.scan_seconds, "fit": parts.fit_seconds}, rounds, case_c.PLACES
     )
     rows = [
-        ["a scan of 360 beams", figure(timings["scan"], 1e6, "us")],
+        ["a scan of 360 beams", figure(timings["scan"], 1e6, "µs")],
         [
             "a path from a scan: fit, offset, trim, fillet, refit",
             figure(timings["fit"], 1e3, "ms", 2),

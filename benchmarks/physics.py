@@ -65,7 +65,7 @@ def section(rounds: int) -> str:
     if not np.isfinite(parts.state.physics).all():
         raise RuntimeError("the simulation broke down; the measurement is void")
     rows = [
-        [name, figure(Timing(timing.seconds, TICKS - 1), 1e6, "us")]
+        [name, figure(Timing(timing.seconds, TICKS - 1), 1e6, "µs")]
         for name, timing in timings.items()
     ]
     return "\n## The robot with physics by parts\n\n" + table(["", "time"], rows)

@@ -243,7 +243,7 @@ def by_hand(rounds: int, ticks: int) -> str:
         raise DisagreementError(f"voltages differ by {apart:.1g} from those of the loop by hand")
     runs = {COMPILED: partial(run_ours, graph, "compiled", ticks), NUMBA: lambda: loop()[0]}
     taken = take_turns(runs, rounds, ticks)
-    cells = " | ".join(figure(taken[title], 1e6, "us") for title in (COMPILED, NUMBA))
+    cells = " | ".join(figure(taken[title], 1e6, "µs") for title in (COMPILED, NUMBA))
     ratio = taken[COMPILED].median / taken[NUMBA].median
     goal = Goal("one population: compiled engine against a numba loop by hand", ratio, most=1.3)
     head = f"\n| model | {COMPILED} | {NUMBA} |\n|---|---|---|\n"
@@ -267,7 +267,7 @@ def section(rounds: int, quick: bool = False) -> str:
             runs[NENGO] = nengo_runner(name, ticks)
         taken = take_turns(runs, rounds, ticks)
         cells = [
-            figure(taken[title], 1e6, "us") if title in taken else "" for title in (*ENGINES, NENGO)
+            figure(taken[title], 1e6, "µs") if title in taken else "" for title in (*ENGINES, NENGO)
         ]
         text += f"| {(make.__doc__ or name).splitlines()[0]} | {' | '.join(cells)} |\n"
         if NENGO in taken:

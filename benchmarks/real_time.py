@@ -28,7 +28,7 @@ def section(rounds: int, quick: bool = False) -> str:
     for engine in ("python", "compiled"):
         for priority in (False, True):
             found = lateness(engine, priority, until)
-            late = (f"{1e6 * value:.1f} us" for value in found["late_s"].values())
+            late = (f"{1e6 * value:.1f} µs" for value in found["late_s"].values())
             rows.append([engine, found["priority"], *late, str(found["overruns"])])
     head = ["engine", "priority", "50 %", "99 %", "99.9 %", "worst", "overruns"]
     text = (

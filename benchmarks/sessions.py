@@ -53,7 +53,7 @@ def section(rounds: int, quick: bool = False) -> str:
         engine: measured(engine, 1 if quick else rounds) for engine in ("python", "compiled")
     }
     rows = [
-        [name, *(figure(of[name], 1e6, "us") for of in timings.values())]
+        [name, *(figure(of[name], 1e6, "µs") for of in timings.values())]
         for name in timings["python"]
     ]
     size = runtime.load(GRAPH).session().step()._engine.state.memory.nbytes
@@ -63,5 +63,5 @@ def section(rounds: int, quick: bool = False) -> str:
         "CPU time. Steps and reads are those of a [session](sessions.md); a snapshot of it has its "
         "recordings, too.\n\n"
     )
-    wanted = [Goal("a copy of the run's state", copied, most=50.0, unit=" us")]
+    wanted = [Goal("a copy of the run's state", copied, most=50.0, unit=" µs")]
     return text + table(["", "Python engine", "compiled engine"], rows) + goals(wanted)

@@ -57,7 +57,7 @@ def within(text: str, timings: Timings, ours: str, theirs: str, times: float) ->
 
 
 def figure(timing: Timing, scale: float, unit: str, digits: int = 1) -> str:
-    """``33.1 us (32.9 to 34.0)``."""
+    """``33.1 µs (32.9 to 34.0)``."""
     low, high = timing.spread
     values = [f"{scale * value:.{digits}f}" for value in (timing.median, low, high)]
     return f"{values[0]} {unit} ({values[1]} to {values[2]})"
@@ -66,7 +66,7 @@ def figure(timing: Timing, scale: float, unit: str, digits: int = 1) -> str:
 def microseconds(timing: Timing) -> str:
     """A time per tick with three digits or so."""
     digits = 3 if timing.median < 1e-6 else 2 if timing.median < 1e-5 else 1
-    return figure(timing, 1e6, "us", digits)
+    return figure(timing, 1e6, "µs", digits)
 
 
 def against(timings: Timings, reference: str) -> str:

@@ -2,8 +2,8 @@
 
 In: the text of a page. Out: the text with pictures, each of what the page says or of a run::
 
-    |  | per tick |                      <div class="bars">... 56.3 us ▇▇▇▇ </div>
-    | Python engine | 56.3 us |   ->     and the table
+    |  | per tick |                      <div class="bars">... 56.3 µs ▇▇▇▇ </div>
+    | Python engine | 56.3 µs |   ->     and the table
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ FIGURES = {
     "lost (C1a, C1b, C1c)",
 }
 _TABLE = re.compile(r"\|  \| per (?:tick|call|step) \|.*\n\|.*\n((?:\|.*\n)+)")
-_TIME = re.compile(r"([\d.,]+) (ns|us|ms|s)\b")
-_SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
+_TIME = re.compile(r"([\d.,]+) (ns|µs|ms|s)\b")
+_SECONDS = {"ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0}
 
 
 def with_bars(text: str) -> str:
@@ -56,7 +56,7 @@ def _bars(rows: str) -> str:
         found = _TIME.match(shown)
         if found is not None:
             seconds = float(found[1].replace(",", "")) * _SECONDS[found[2]]
-            times.append((name, found[0].replace("us", "µs"), seconds))
+            times.append((name, found[0], seconds))
     longest = max((seconds for _, _, seconds in times), default=0.0)
     lines = [
         f'<span>{html.escape(name)}</span><b style="--share:{seconds / longest:.4f}">{shown}</b>'
