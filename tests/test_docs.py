@@ -342,8 +342,10 @@ def test_names_in_the_architecture_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     page = re.sub(r"```.*?```", "", page, flags=re.S)
     folders = ("blocks", "runtime", "spikeblocks", "tests", "benchmarks")
-    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.[pch]*")]
-    texts = {f"/{p.relative_to(ROOT)}": p.read_text("utf-8") for p in paths if p.suffix != ".pyc"}
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.*")]
+    # By their whole suffix: Python writes a.pyc.1234 before it is a.pyc.
+    sources = [path for path in paths if path.suffix in (".py", ".c", ".h")]
+    texts = {f"/{p.relative_to(ROOT)}": p.read_text("utf-8") for p in sources}
     words = set(chain.from_iterable(re.findall(r"\w+", f"{p} {t}") for p, t in texts.items()))
     named = set(re.findall(r"`(\w+(?:\.\w+)*)`", page))
     assert [name for name in sorted(named) if not words.issuperset(name.split("."))] == []
