@@ -47,11 +47,13 @@ class Contrast:
     p: float
     p_equivalent: float
     failed: tuple[int, int] = (0, 0)
+    runs: tuple[int, int] = (1, 1)
 
     @property
     def word(self) -> str:
         """The verdict, from p values that are corrected."""
-        more = self.failed[0] - self.failed[1]
+        # As shares: one of 32 runs is more than one of 512.
+        more = self.failed[0] * self.runs[1] - self.failed[1] * self.runs[0]
         if self.p_equivalent < LEVEL and more == 0:
             return "equivalent"
         if self.p < LEVEL and self.mean < 0.0 and more <= 0:
@@ -161,7 +163,8 @@ def _answers(question: dict[str, object]) -> Iterator[Answer]:
                     if one in found and other in found:
                         a, b = found[one], found[other]
                         result = contrast(a.values, b.values, plan.margin(), of_these=of_these)
-                        result = replace(result, failed=(a.failed, b.failed))
+                        runs = a.values.size, b.values.size
+                        result = replace(result, failed=(a.failed, b.failed), runs=runs)
                         share = effort[one] / effort[other]
                         yield Answer(task, group, metric, one, other, result, share)
 

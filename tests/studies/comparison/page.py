@@ -27,11 +27,12 @@ def write() -> None:
     asked = [*plan.read()["questions"], *plan.read().get("attempts", ())]
     answered = [(n, q["ask"], judge.answers(q)) for n, q in enumerate(asked, 1)]
     answered = [(number, ask, found) for number, ask, found in answered if found]
-    parts = [_head(answered)]
+    given = {n for n, q in enumerate(asked, 1) if q.get("of_these")}
+    parts = [_head(answered, given)]
     for number, ask, found in answered:
         name = f"comparison_{number}.png"
         _figure(found).savefig(IMAGES / name, dpi=150, metadata={"Software": None})
-        parts.append(_section(number, ask, found, name))
+        parts.append(_section(number, ask, found, name, number in given))
     parts += [_contestants(task) for task in rows.tasks()]
     parts += [_costs()] if costs.read() else []
     PAGE.write_text("\n\n".join([*parts, _foot(), _registered()]) + "\n", encoding="utf-8")
@@ -40,12 +41,16 @@ def write() -> None:
 Answered = tuple[int, str, list[Answer]]
 
 
-def _head(answered: list[Answered]) -> str:
+def _head(answered: list[Answered], given: set[int]) -> str:
     """What was found, and what has been run for it."""
     entries = plan.read()["tasks"]
     done = rows.tasks()
     lines = ["# Does spiking adaptation help, and where?", ""]
-    lines += [_lead([line for _, _, found in answered for line in found]), ""]
+    sampled, these = (
+        [line for n, _, found in answered if (n in given) == is_given for line in found]
+        for is_given in (False, True)
+    )
+    lines += [_lead(sampled, these), "", CONTESTANTS, ""]
     for number, ask, found in answered:
         lines += [f"{number}. {ask}", *(f"   * {line}" for line in _in_short(found))]
     lines += [
@@ -65,20 +70,41 @@ def _head(answered: list[Answered]) -> str:
 
 
 LEARNERS = ("MRAC", "features", "rate neurons")
+CONTESTANTS = """*LQR*, *LQI* and *PID* do not learn; all that follow learn beside the LQR.
+*Spikes*: neurons that learn by this project's rule, with all of its constants tuned. *One
+setting*: the same with the constants that the graphs are shipped with, and only the LQR tuned, or
+nothing. *Printed rule*: neurons that learn as the paper prints it. *Rate neurons*, *features*
+(radial basis functions) and *MRAC* (a bias and a weight for each input): the same rule without
+spikes. *Oracle*: an LQR that knows the fault."""
 
 
-def _lead(found: list[Answer]) -> str:
-    """What came out, in two sentences: adaptation beside none, and spikes beside other learners."""
-    first = found[0]
-    same = [x for x in found if _question_of(x) == _question_of(first) and x.other == first.other]
+def _lead(sampled: list[Answer], these: list[Answer]) -> str:
+    """What came out, in three sentences: adaptation beside none, and spikes beside learners.
+
+    ``sampled`` are answers whose intervals contain the tunings, ``these`` are of given tunings.
+    """
+    first = sampled[0]
+    same = [x for x in sampled if _question_of(x) == _question_of(first) and x.other == first.other]
     shares = ", ".join(f"{ratio(x.contrast)} with {x.one}" for x in same)
-    words = [x.contrast.word for x in found if x.one == "spikes" and x.other in LEARNERS]
-    counts = ", ".join(f"{word} in {words.count(word)}" for word in COLOURS if word in words)
-    return (
+    new = [x for x in sampled if x.task == "retuned" and (x.one, x.other) == ("spikes", "LQR")]
+    again = " and ".join(ratio(x.contrast) for x in new)
+    text = (
         f"**In short.** On runs with {_place(first)}, the error as a share of the tuned "
-        f"{first.other}'s is {shares}. Of {len(words)} comparisons of spikes with learners that "
-        f"have the same error, inputs and factors ({', '.join(LEARNERS)}), spikes are {counts}."
+        f"{first.other}'s is {shares}. "
     )
+    if new:
+        text += f"Tuned anew, and over whole runs, it is {again} with spikes. "
+    return text + (
+        f"Beside learners that have the same error, inputs and factors ({', '.join(LEARNERS)}), "
+        f"spikes are {_counts(sampled)}; of given tunings, on new runs, {_counts(these)}."
+    )
+
+
+def _counts(found: list[Answer]) -> str:
+    """How often which verdict, of spikes beside other learners."""
+    words = [x.contrast.word for x in found if x.one == "spikes" and x.other in LEARNERS]
+    said = [f"{word} in {words.count(word)}" for word in COLOURS if word in words]
+    return f"{', '.join(said)} of {len(words)} comparisons" if said else "not compared"
 
 
 def _question_of(line: Answer) -> tuple[str, str, str]:
@@ -143,10 +169,12 @@ def ratio(one: Contrast) -> str:
     return f"{math.exp(one.mean):.2f} [{math.exp(one.low):.2f}, {math.exp(one.high):.2f}]"
 
 
-def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
+def _section(number: int, ask: str, found: list[Answer], picture: str, given: bool) -> str:
     words = _words(found)
     lines = [f"## {number}. {ask}", "", *words, "", f"![{ask}](images/{picture})", ""]
-    lines += ["Ratios of errors with 95 % intervals that contain tunings, conditions and seeds."]
+    within = "conditions and seeds, and are about these tunings" if given else ""
+    within = within or "tunings, conditions and seeds"
+    lines += [f"Ratios of errors with 95 % intervals that contain {within}."]
     lines[-1] += " Grey is the range within the margin."
     lines += ["", "<details><summary>The table</summary>", ""]
     lines += [
@@ -165,6 +193,8 @@ def _section(number: int, ask: str, found: list[Answer], picture: str) -> str:
 
 def _verdict(one: Contrast) -> str:
     """The verdict; of an undecided one, what keeps it from another."""
+    if one.word in ("better", "worse") and abs(one.mean) < plan.margin():
+        return f"{one.word}, by less than the margin"
     if one.word != "undecided":
         return one.word
     if one.p < judge.LEVEL:
@@ -250,7 +280,7 @@ def _contestants(task: str) -> str:
 def _lines(task: str, group: str, entry: dict[str, Any]) -> Iterator[str]:
     errors, effort = judge.cells(task, "error", group), judge.raw(task, "effort", group)
     scale = entry["scale"]
-    order = sorted(errors, key=lambda name: float(errors[name].values.mean()))
+    order = sorted(errors, key=lambda name: float(np.exp(errors[name].values).mean()))
     for name in order:
         values = scale * np.exp(errors[name].values)
         by_tuning = values.mean(axis=(1, 2))
@@ -347,14 +377,16 @@ FOOT = """## How to read this
   {margin}. **Undecided**: neither. p values are corrected within each question (Benjamini and
   Hochberg). How large a ratio such a study finds is in [the plan](study/plan.md#power).
 * A contestant is judged from {fewest} tunings on. Each tuning ends by the plan's patience, which
-  is short: how far the tunings of one contestant are apart, the intervals contain.
+  is short, so that tunings of one contestant differ; the intervals allow for that. They do not
+  allow for the training conditions, which are the same for all tunings of a task.
 * **Error**: geometric mean in ratios, arithmetic mean in tables; a failed run counts as the
   task's limit.
 * **Effort**: root mean square of the command's change from one tick to the next, at the rate at
-  which it changes. The mean over the training runs must stay below the task's limit; held out it
-  is only reported, as a ratio beside each ratio of errors. *Equal limits are not equal efforts*:
-  tunings of task `path` train with a noisy pose as well, which uses up the limit; those of
-  `retuned` do not, and spend more on quiet runs, from which an LQR gains most.
+  which it changes, in rad/s (of the arms: in units of torque). The mean over the training runs
+  must stay below the task's limit; held out it is only reported, as a ratio beside each ratio of
+  errors. *Equal limits are not equal efforts*: tunings of task `path` train with a noisy pose as
+  well, which uses up the limit; those of `retuned` do not, and spend more on quiet runs, from
+  which an LQR gains most.
 * The *oracle* takes the fault, which it knows, out of the command of a tuned LQR. It is no bound:
   it knows neither noise nor what the LQR itself leaves, and a ratio below 1 against it is possible.
 * *One setting* is what the graphs ship: it was found in an earlier study, on three other graphs
