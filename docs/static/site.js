@@ -14,6 +14,9 @@ document.addEventListener("DOMContentLoaded", () => {
       setTimeout(() => (button.textContent = "Copy"), 1500);
     });
     block.append(button);
+    // A long graph scrolls in its frame, by keyboard as well.
+    const code = block.querySelector("pre");
+    if (code.scrollHeight > code.clientHeight || code.scrollWidth > code.clientWidth) code.tabIndex = 0;
   }
   // A table that is wider than the page scrolls, by keyboard as well.
   for (const frame of document.querySelectorAll(".table-wrapper")) {
