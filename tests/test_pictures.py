@@ -119,7 +119,7 @@ def test_a_picture_of_the_gallery_is_that_of_its_command(
 def test_bars_of_a_page_are_as_long_as_its_times(monkeypatch: pytest.MonkeyPatch) -> None:
     evidence = of_docs("evidence", monkeypatch)
     head = "|  | per tick | ratio |\n| --- | --- | --- |\n"
-    text = f"before\n\n{head}| slow <a> | 2 ms (1 to 3) | 1 |\n| quick | 500.0 us | 0.25 |\n\nafter"
+    text = f"before\n\n{head}| slow <a> | 2 ms (1 to 3) | 1 |\n| quick | 500.0 µs | 0.25 |\n\nafter"
     drawn = evidence.with_bars(text)
     assert drawn.endswith(text[text.index("|") :])
     assert re.findall(r"<span>(.*?)</span><b style=\"--share:([\d.]+)\">(.*?)</b>", drawn) == [

@@ -15,7 +15,8 @@ from typing import Any
 from blocks.core import hint
 from runtime.document.arrays import array_values
 from runtime.document.limits import Work
-from runtime.document.node import MAX_DEPTH, Node, from_python
+from runtime.document.node import Node, from_python
+from runtime.document.parse_errors import MAX_DEPTH
 from runtime.document.sections import PART_SECTIONS, SECTIONS
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 

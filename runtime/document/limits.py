@@ -15,7 +15,8 @@ from __future__ import annotations
 from typing import NoReturn
 
 from blocks.core import StoredArray
-from runtime.document.node import MAX_DEPTH, MAX_NODES, Node
+from runtime.document.node import MAX_NODES, Node
+from runtime.document.parse_errors import MAX_DEPTH
 from runtime.errors import GraphError, Problem, Problems, Where
 
 MAX_LEVELS = 50  # files that extend or contain each other

@@ -22,15 +22,13 @@ import numpy as np
 import yaml
 
 from blocks.core import StoredArray, plain, show
-from runtime.document.parse_errors import explain
+from runtime.document.parse_errors import MAX_DEPTH, explain
 from runtime.document.scalars import in_range, parse_scalar
 from runtime.document.writer import dump_yaml as dump_yaml
 from runtime.errors import NOWHERE, GraphError, Problem, Where
 
 # The C parser is many times as fast, and its events are the same.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-# Far below Python's limit of recursion, which every walk through a tree would reach otherwise.
-MAX_DEPTH = 50
 MAX_NODES = 1_000_000
 
 

@@ -15,6 +15,9 @@ import yaml
 
 from runtime.errors import Problem, Where
 
+# Of lists and mappings within each other: far below Python's limit of recursion, which every walk
+# through a tree would reach otherwise.
+MAX_DEPTH = 50
 # The complement of what YAML 1.2 allows (c-printable).
 _ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 # What libyaml counts as a line: str.splitlines also breaks at form feeds.
@@ -74,6 +77,9 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
             message = message.replace("did not find expected", "expected")
     elif "could not find expected ':'" in message and context is not None:
         mark = context
+    elif "maximum nesting depth" in message:
+        # libyaml 0.2.6 scans so far ahead that its own limit comes before ours.
+        return Problem(_where(text, mark, file), "", f"nested more than {MAX_DEPTH} deep")
     message = _SUGGESTIONS.get(message, message)
     return Problem(_where(text, mark, file), "", f"not valid YAML: {message}")
 

@@ -204,10 +204,12 @@ class Flow:
         ------
         UsageError : the matrix is larger than ``LARGEST``, or the transform is not read.
         """
-        shape = connection.size_out, columns
+        # After neurons, a square matrix places the components among those of the population.
+        is_square = isinstance(connection.pre_obj, nengo.ensemble.Neurons)
+        shape = connection.size_out, max(columns, connection.size_out if is_square else 0)
         if 8 * math.prod(shape) > LARGEST:
             raise UsageError(
-                f"{connection}: its transform is read as a matrix of {shape[0]} x {shape[1]}, "
+                f"{connection}: its transform needs a matrix of {shape[0]} x {shape[1]}, "
                 f"{8 * math.prod(shape) / 2**30:.1f} GiB; at most {LARGEST >> 30} GiB is: use "
                 "fewer filters, larger strides or a smaller input"
             )

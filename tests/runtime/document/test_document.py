@@ -10,7 +10,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.document.node import MAX_DEPTH, Node, dump_yaml, from_python, parse_yaml
+from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
+from runtime.document.parse_errors import MAX_DEPTH
 from runtime.errors import GraphError, Where
 
 # YAML 1.2.2, 10.3.2 (core schema); the third column is what stock PyYAML (YAML 1.1) makes of it.

@@ -15,7 +15,8 @@ from runtime.document import limits
 from runtime.document import node as document
 from runtime.document.limits import MAX_BLOCKS, MAX_LEVELS, MAX_WORK, Measure, Work
 from runtime.document.loader import MAX_BYTES
-from runtime.document.node import MAX_DEPTH, MAX_NODES, Node, parse_yaml
+from runtime.document.node import MAX_NODES, Node, parse_yaml
+from runtime.document.parse_errors import MAX_DEPTH
 from runtime.errors import MAX_PROBLEMS, NOWHERE, GraphError, Problems, Where
 
 LEAF = (
