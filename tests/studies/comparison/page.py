@@ -20,6 +20,7 @@ from tests.studies.comparison.judge import Answer, Contrast
 PAGE = plan.FOLDER.parent / "comparison.md"
 IMAGES = plan.FOLDER.parent / "images"
 WHOLE = "over the run"
+MANY = 0.1  # of all runs of a group that fail
 
 
 def write() -> None:
@@ -264,7 +265,7 @@ def _contestants(task: str) -> str:
     """The table of a task: errors, how far tunings agree, the effort, the worst condition."""
     entry = plan.read()["tasks"][task]
     lines = [f"## {entry['title']}: all contestants", "", *_spread_words(task), ""]
-    lines += [*_effort_words(task), "", *_edge_words(task), ""]
+    lines += [*_effort_words(task), "", *_failure_words(task), *_edge_words(task), ""]
     for group, about in entry["groups"].items():
         lines += [f"<details><summary>{about['title']}</summary>", ""]
         lines += [
@@ -326,6 +327,19 @@ def _effort_words(task: str) -> Iterator[str]:
         )
     else:
         yield f"Held out, every mean effort is below the limit of training, {limit:g}; they differ."
+
+
+def _failure_words(task: str) -> Iterator[str]:
+    """Whether so many runs fail that ratios of errors say little."""
+    for group, about in plan.read()["tasks"][task]["groups"].items():
+        found = judge.cells(task, "error", group)
+        share = sum(x.failed for x in found.values()) / sum(x.values.size for x in found.values())
+        if share > MANY:
+            yield (
+                f"* **{100 * share:.0f} % of all held-out runs fail ({about['title']})**: what is "
+                "stable on the few training conditions is not on others. A ratio of errors mostly "
+                "says there how often each fails."
+            )
 
 
 def _edge_words(task: str) -> Iterator[str]:
