@@ -106,10 +106,11 @@ class MetricKind:
     for the number of columns of that signal, or ``columns`` for those of ``of``. ``optional`` are
     roles that may be missing. ``forms`` are the signals it accepts: one number, a position (x and
     y first), or any columns. ``in_world`` is a formula that also needs the walls, instead of
-    ``function``. ``agrees`` checks conditions across options and signals. ``unit`` is that of the
-    value; ``of`` stands for the unit of the signal. ``ends`` are the least and the largest value
-    that it can have. ``never`` says what no value means where that is worse than any value, as of a
-    time until something good (``never settled``); experiments count it as infinite.
+    ``function``. ``agrees`` checks conditions across options, with their defaults, and signals.
+    ``unit`` is that of the value; ``of`` stands for the unit of the signal. ``ends`` are the least
+    and the largest value that it can have. ``never`` says what no value means where that is worse
+    than any value, as of a time until something good (``never settled``); experiments count it as
+    infinite.
     """
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
@@ -185,7 +186,7 @@ class MetricKind:
             if message:
                 yield role, message
         if self.agrees is not None and not faults:
-            yield from self.agrees(options, probes)
+            yield from self.agrees(window, probes)
 
     def _misfit(self, role: str, signal: ProbeInfo, is_length: bool) -> str:
         if len(signal.shape) > 1:

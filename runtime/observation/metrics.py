@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray, param, show
+from blocks.core import FloatArray, param
 from blocks.extensions import Registry
 from blocks.world import World
 from runtime.document import in_time
@@ -77,8 +77,8 @@ class Metric:
         """The metric's value; None if it has none (never settled, or not recorded)."""
         if not self.is_recorded(probes):
             return None
-        after, until = float(self.options.get("after", 0.0)), self.options.get("until")
-        end = math.inf if until is None else float(until)
+        after, until = self._read.get("after", 0.0), self._read.get("until")
+        end = math.inf if until is None else until
         if any(_ends_before(probes[name].t, end) for name in self.inputs.values() if name):
             return None  # the run stopped before: a shorter window would be another quantity
         series = {
@@ -188,9 +188,10 @@ def _same_rows(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> C
     """A single number weights only one column; state and command need the same rate."""
     for key, role in (("q", "state"), ("r", "command"), ("q_final", "state")):
         n = probes[role].width if role in probes else 1
-        if key in options and n != 1 and np.ndim(options[key]) == 0:
+        weight = options[key]
+        if weight is not None and n != 1 and np.ndim(weight) == 0:
             message = f"expected {WeightOptions.declared[key].describe({role: n})}"
-            yield key, f"{message.replace('a number or ', '')}, got {show(options[key])}"
+            yield key, f"{message.replace('a number or ', '')}, got {float(weight):g}"
     rates = {role: signal.every for role, signal in probes.items()}
     if len(set(rates.values())) > 1:
         text = " and ".join(

@@ -106,24 +106,25 @@ class Scans(Map):
 
 
 def ordered(options: Mapping[str, Any]) -> Checks:
-    """Errors in the ends of axes, and in a change to compare with."""
-    kind, equals, what = str(options.get("compare", "")).partition("=")
-    if "compare" in options and not (kind in CHANGES and equals and what):
+    """Errors in the ends of axes, and in a change to compare with, of options that were read."""
+    kind, equals, what = options["compare"].partition("=")
+    if options["compare"] and not (kind in CHANGES and equals and what):
         message = f"expected a change, as in without=adaptive ({', '.join(CHANGES)}), got "
         yield "compare", message + show(options["compare"])
     for key in ("xlim", "ylim", "zlim"):
-        low, high = Space.read(options)[key] if key in options else (0.0, 1.0)
-        if low >= high:
-            yield key, f"expected the lower end first, as in [0, 1], got {show(options[key])}"
+        ends = options.get(key)
+        if ends is not None and ends[0] >= ends[1]:
+            yield key, f"expected the lower end first, as in [0, 1], got [{ends[0]:g}, {ends[1]:g}]"
 
 
 def moments(options: Mapping[str, Any]) -> Checks:
+    """The same, and errors in the times and bearings of scans."""
     yield from ordered(options)
-    if options.get("at") == []:
+    at, angles = options["at"], options["angles"]
+    if at is not None and not at.size:
         yield "at", f"expected {Scans.declared['at'].describe()}, got {show([])}"
-    low, high = Scans.read(options)["angles"] if "angles" in options else (0.0, 1.0)
-    if low >= high:
+    if angles is not None and angles[0] >= angles[1]:
         message = (
             "expected the scan's first bearing below its last (rad), as in [-1.57, 1.57], got "
         )
-        yield "angles", message + show(options["angles"])
+        yield "angles", f"{message}[{angles[0]:g}, {angles[1]:g}]"

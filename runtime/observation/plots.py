@@ -86,7 +86,7 @@ class PlotKind:
         imported when the first one is drawn; its arguments are (figure, recordings, end of the run
         in s), or (figure, plot, result) for a plot ``in_world`` or ``with_options``. '' for a kind
         of the library: what is observed does not know how it is drawn, see ``plots/painters.py``.
-    options : its options; ``agrees`` checks conditions across options.
+    options : its options; ``agrees`` checks conditions across options, with their defaults.
     signals : options that name one more probe or address.
     in_world : whether it needs the graph's world.
     with_options : whether its painter needs the plot's options.
@@ -134,7 +134,7 @@ def check_options(kind: PlotKind, options: Mapping[str, Any], has_world: bool) -
     faults = dict(kind.options.check(options))
     yield from faults.items()
     if not faults:
-        yield from kind.agrees(options)
+        yield from kind.agrees({**options, **kind.options.read(options)})
 
 
 def used_options(kind: PlotKind, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -127,9 +127,8 @@ def rise_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float
 
 def _rising(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
     yield from alike(options, probes)
-    values = RiseOptions.read(options)
-    if values["high"] <= values["low"]:
-        yield "high", f"must be above low = {values['low']:g}, got {show(values['high'])}"
+    if options["high"] <= options["low"]:
+        yield "high", f"must be above low = {options['low']:g}, got {show(options['high'])}"
 
 
 def _kind(formula: Any, doc: str, unit: str, **more: Any) -> MetricKind:
