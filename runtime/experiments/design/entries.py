@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
-from runtime.document import Node, check_keys
+from runtime.document import Node, check_keys, strings
 from runtime.errors import Problems, Where
 from runtime.experiments.design.checks import check_factor, check_metric
 from runtime.experiments.design.factors import Factor, parse_factor
@@ -60,6 +60,7 @@ class Entries:
     budget : the most training runs of a tuning, those that were stopped early included.
     patience : trials per factor without a better one, after which a tuning ends.
     repeats : tunings with other seeds of the sampler.
+    metrics : those that are wanted, besides what other entries name; all if empty.
     """
 
     seeds: Seeds | None = None
@@ -82,6 +83,7 @@ class Entries:
     budget: int | None = None
     patience: int | None = None
     repeats: int | None = None
+    metrics: tuple[str, ...] = ()
 
     def overlay(self, other: Entries) -> Entries:
         """These entries with others over them: an entry of ``other`` replaces one of the same name.
@@ -121,40 +123,49 @@ def read_entries(
     ----------
     variants : reads a section of named changes, given with its address.
     """
-    reader = _EntryReader(document, graph, problems, variants)
-    stop_early = reader.choice("stop_early", (True, False))
+    reader = _EntryReader(document, problems, graph, variants)
     return Entries(
-        seeds=reader.seeds(document, "seeds"),
+        **reader.plain(),
         factors=tuple(reader.factors()),
-        sampling=reader.sampling(),
-        sampling_seed=reader.whole("sampling_seed", 0, MOST_SAMPLES),
         objectives=tuple(reader.objectives()),
         constraints=tuple(reader.constraints()),
-        trials=reader.whole("trials", 1, MOST_TRIALS),
-        sampler=reader.choice("sampler", get_args(Sampler)),
-        batch=reader.whole("batch", 1, MOST_BATCH),
-        over=reader.choice("over", get_args(Over)),
-        stop_early=stop_early,
         training=reader.runs("training"),
         held_out=reader.runs("held_out"),
         primary=tuple(reader.primary()),
         contrasts=tuple(reader.contrasts()),
         margins=tuple(reader.margins()),
         figures=tuple(reader.figures()),
-        budget=reader.whole("budget", 1, MOST_TRIALS),
-        patience=reader.whole("patience", 1, MOST_TRIALS),
-        repeats=reader.whole("repeats", 1, MOST_REPEATS),
+        metrics=tuple(reader.metrics()),
     )
 
 
+def read_plain_entries(document: Node, problems: Problems) -> None:
+    """Report what is wrong with the entries that can be checked without a graph."""
+    _PlainReader(document, problems).plain()
+
+
 @dataclass
-class _EntryReader:
-    """Reads one entry after the other; continues after a problem."""
+class _PlainReader:
+    """Reads entries that need no graph, one after the other; continues after a problem."""
 
     document: Node
-    graph: Graph
     problems: Problems
-    variants: Callable[[Node, str], list[GraphVariant]]
+
+    def plain(self) -> dict[str, Any]:
+        """These entries by the names that they have in :class:`Entries`."""
+        return {
+            "seeds": self.seeds(self.document, "seeds"),
+            "sampling": self.sampling(),
+            "sampling_seed": self.whole("sampling_seed", 0, MOST_SAMPLES),
+            "trials": self.whole("trials", 1, MOST_TRIALS),
+            "sampler": self.choice("sampler", get_args(Sampler)),
+            "batch": self.whole("batch", 1, MOST_BATCH),
+            "over": self.choice("over", get_args(Over)),
+            "stop_early": self.choice("stop_early", (True, False)),
+            "budget": self.whole("budget", 1, MOST_TRIALS),
+            "patience": self.whole("patience", 1, MOST_TRIALS),
+            "repeats": self.whole("repeats", 1, MOST_REPEATS),
+        }
 
     def refuse(self, node: Node, address: str, message: str) -> None:
         """Report a problem; what no file contains is named by its option, not by its address."""
@@ -165,19 +176,6 @@ class _EntryReader:
         if node is None:
             return None
         return parse_seeds(node, f"{prefix}{key}" if node.where.line else "", self.problems)
-
-    def factors(self) -> Iterator[Factor]:
-        vary = self.document.get("vary")
-        if vary is not None and not vary.is_map:
-            self.refuse(vary, "vary", f"expected {{path: values}}, got {vary.describe()}")
-        for path, node in () if vary is None else vary.items():
-            is_in_file = node.key.line > 0
-            address = f"vary.{path}" if is_in_file else path
-            factor = parse_factor(path, node, address, self.problems)
-            if factor is not None:
-                where = node.key if is_in_file else Where(node.where.file)
-                check_factor(self.graph, factor, where, self.problems)
-                yield factor
 
     def sampling(self) -> tuple[Method, int] | None:
         methods: tuple[Method, ...] = ("sobol", "random")
@@ -212,6 +210,27 @@ class _EntryReader:
         expected = ", ".join(str(choice).lower() for choice in choices)
         self.refuse(node, key, f"expected one of {expected}, got {node.describe()}")
         return None
+
+
+@dataclass
+class _EntryReader(_PlainReader):
+    """Reads those that are checked on a graph, too."""
+
+    graph: Graph
+    variants: Callable[[Node, str], list[GraphVariant]]
+
+    def factors(self) -> Iterator[Factor]:
+        vary = self.document.get("vary")
+        if vary is not None and not vary.is_map:
+            self.refuse(vary, "vary", f"expected {{path: values}}, got {vary.describe()}")
+        for path, node in () if vary is None else vary.items():
+            is_in_file = node.key.line > 0
+            address = f"vary.{path}" if is_in_file else path
+            factor = parse_factor(path, node, address, self.problems)
+            if factor is not None:
+                where = node.key if is_in_file else Where(node.where.file)
+                check_factor(self.graph, factor, where, self.problems)
+                yield factor
 
     def objectives(self) -> Iterator[Objective]:
         goals: tuple[Literal["minimize", "maximize"], ...] = ("minimize", "maximize")
@@ -271,6 +290,12 @@ class _EntryReader:
         for item in [] if node is None else node.value if node.is_list else [node]:
             check_metric(self.graph, str(item.value), item.where, "primary", self.problems)
             yield str(item.value)
+
+    def metrics(self) -> Iterator[str]:
+        """The metrics that are wanted."""
+        for item, _ in strings(self.document.get("metrics"), "metrics", "a metric", self.problems):
+            check_metric(self.graph, item.value, item.where, "metrics", self.problems)
+            yield item.value
 
     def contrasts(self) -> Iterator[tuple[str, str]]:
         node = self.document.get("contrasts")

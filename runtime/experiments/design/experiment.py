@@ -10,7 +10,7 @@ are reported together, with line and column::
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -30,6 +30,7 @@ from runtime.errors import (
     GraphError,
     Location,
     MissingExtraError,
+    Problem,
     Problems,
     UsageError,
     Where,
@@ -41,6 +42,7 @@ from runtime.experiments.design.entries import (
     TUNING_KEYS,
     Entries,
     read_entries,
+    read_plain_entries,
 )
 from runtime.experiments.design.factors import plain_value
 from runtime.experiments.design.measurements import KEYS as DATA_KEYS
@@ -72,7 +74,7 @@ VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
 _COMPARING = ("sweep", "ablation")
 USED_BY = {
     "vary": ("sweep", "ablation", "tuning", "fit"),
-    **dict.fromkeys(("random", "sobol", "variants", *QUESTION_KEYS), _COMPARING),
+    **dict.fromkeys(("random", "sobol", "variants", "metrics", *QUESTION_KEYS), _COMPARING),
     **dict.fromkeys(("sampling_seed", "minimize", "maximize"), (*_COMPARING, "tuning")),
     **dict.fromkeys(TUNING_KEYS, ("tuning", "contest")),
     "contestants": ("contest",),
@@ -180,22 +182,13 @@ def check_experiment(
     ------
     GraphError, UsageError : what is wrong.
     """
-    experiment = _ExperimentReader(document, path.parent, change, load_graph, unsaved).read(
-        path.stem
-    )
-    problems = Problems()
-    for variant in experiment.variants:
-        written = (document.get("variants") or document).get(variant.name) or document
-        try:
-            check_change(experiment.graph, f"variant {variant.name}", variant.graph)
-        except GraphError as error:
-            for problem in error.problems:
-                where = _position(problem.where, written.key)
-                text = f"{problem.address}: {problem.text}".removeprefix(": ")
-                problems.add(where, f"variants.{variant.name}", text, problem.is_name)
-        except MissingExtraError:
-            continue  # a package that only a run needs
-    problems.raise_any()
+    _ExperimentReader(document, path.parent, change, load_graph, unsaved).read(path.stem)
+
+
+def _names(node: Node) -> list[str]:
+    """The names in an entry that is a string or a list of strings."""
+    items = node.value if node.is_list else [node]
+    return [str(item.value) for item in items]
 
 
 def _position(where: Where, otherwise: Where) -> Where:
@@ -203,7 +196,7 @@ def _position(where: Where, otherwise: Where) -> Where:
     _, _, rest = where.file.partition(f"{Path(otherwise.file).name}:")
     line, _, column = rest.partition(":")
     if where.line or not (line.isdecimal() and column.isdecimal()):
-        return where if where.line else otherwise
+        return where if where.line or where.file.startswith("--") else otherwise
     return Where(otherwise.file, int(line), int(column))
 
 
@@ -219,6 +212,7 @@ class _ExperimentReader:
 
     def __post_init__(self) -> None:
         self.problems = Problems()
+        self.blamed = set[str]()  # what a change that was reported concerns
 
     def read(self, otherwise: str) -> Experiment:
         document, problems = self.document, self.problems
@@ -227,16 +221,12 @@ class _ExperimentReader:
         if name is not None and (not isinstance(name.value, str) or slug(name.value) != name.value):
             message = f"expected a name of letters, digits, '_', '-' and '.', got {name.describe()}"
             problems.add(name.where, "experiment", message)
-        graph = self.graph(document, "", required=True)
+        graph = self.baseline()
         if graph is None:
+            # Most entries can only be checked on a graph that is valid.
+            read_plain_entries(document, problems)
             problems.raise_any()
             raise UsageError("no graph is given")
-        # Before the entries are read: most of them can only be checked on a graph that is valid.
-        try:
-            graph = self.change(graph).check()
-        except GraphError as error:
-            problems.items += error.problems
-            problems.raise_any()
         experiment = Experiment(
             name=str(name.value) if name is not None else slug(otherwise),
             graph=graph,
@@ -247,13 +237,56 @@ class _ExperimentReader:
             variants=tuple(self.variants(graph)),
             data=tuple(self.measurements(graph)),
             contestants=tuple(self.contestants(graph)),
-            sections={key: node.key for key, node in document.items()},
+            sections={
+                key: node.key
+                for key, node in document.items()
+                if key != "metrics" or document.get("schema_version") is None
+            },
         )
         problems.raise_any()
         return experiment
 
+    def baseline(self) -> Graph | None:
+        """The graph of the whole experiment; None if there is none that is valid.
+
+        Where only the changes of the experiment are wrong, this is the graph without them, so that
+        what else is wrong is reported, too.
+        """
+        named = self.graph(self.document, "", required=True)
+        if named is None:
+            return None
+        try:
+            return self.change(self.changed(named, self.document, "")).check()
+        except GraphError as error:
+            self.report(error, "", self.document.where)
+        self.blamed = {
+            key.partition(".")[0]
+            for kind in CHANGES
+            if (item := self.document.get(kind)) is not None
+            for key in ([key for key, _ in item.items()] if item.is_map else _names(item))
+        }
+        try:
+            return named.check()
+        except GraphError:
+            return None
+
+    def report(
+        self, error: GraphError, place: str, otherwise: Where, blamed: Container[str] = ()
+    ) -> None:
+        """Report what is wrong with a changed graph, in the name of the entry that changes it.
+
+        What concerns ``blamed`` blocks follows from changes that were reported already.
+        """
+        for problem in error.problems:
+            if problem.address.removeprefix("blocks.").partition(".")[0] in blamed:
+                continue
+            address, text = problem.address, problem.text
+            if place and not address.startswith(place):
+                address, text = place, f"{address}: {text}".removeprefix(": ")
+            self.problems.add(_position(problem.where, otherwise), address, text, problem.is_name)
+
     def graph(self, node: Node, address: str, required: bool = False) -> Graph | None:
-        """The graph that an entry names, with the changes that the entry makes."""
+        """The graph that an entry names, without the changes that the entry makes."""
         named = node.get("graph")
         prefix = f"{address}." if address else ""
         if named is None and required:
@@ -266,49 +299,60 @@ class _ExperimentReader:
             return None
         try:
             file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
-            return self.apply_changes(self.load(str(file)), node, prefix)
+            return self.load(str(file))
         except GraphError as error:
-            self.problems.items += error.problems
+            self.report(error, address, named.where)
             return None
 
-    def apply_changes(self, graph: Graph, node: Node, prefix: str) -> Graph:
-        """A graph with an entry's changes, in the order in which they are written."""
+    def changed(self, graph: Graph, node: Node, place: str) -> Graph:
+        """A graph with an entry's changes, in the order in which they are written.
+
+        What cannot be made is reported, and left out.
+        """
+        prefix = f"{place}." if place else ""
         for kind, item in node.items():
-            if kind == "until":
-                graph = graph.set("run.until", item.plain(), origin=str(item.where))
-            elif kind in CHANGES:
+            for name, one in self.single_changes(kind, item, f"{prefix}{kind}"):
                 try:
-                    graph = self.apply_change(graph, kind, item, f"{prefix}{kind}")
+                    graph = self.apply_change(graph, kind, name, one, f"{prefix}{kind}")
+                except GraphError as error:
+                    self.report(error, place, one.where)
+                    self.blamed.add(name.partition(".")[0])
                 except UsageError as error:
-                    self.problems.add(item.where, f"{prefix}{kind}", str(error))
+                    self.problems.add(one.where, f"{prefix}{kind}", str(error))
         return graph
 
-    def apply_change(self, graph: Graph, kind: str, node: Node, address: str) -> Graph:
+    def single_changes(self, kind: str, node: Node, address: str) -> Iterable[tuple[str, Node]]:
+        """Each change of a kind by itself, with the path or the name that it changes."""
+        if kind == "until":
+            return [("run.until", node)]
         if kind in ("set", "wire", "replace"):
             if not node.is_map:
                 message = f"expected a mapping, as in {kind}: {{lqr.q: ...}}, got {node.describe()}"
                 self.problems.add(node.where, address, message)
-            for key, item in node.items():
-                value, origin = plain_value(item, f"{address}.{key}"), str(item.where)
-                if kind == "replace":
-                    value = self.type_name(item, f"{address}.{key}")
-                elif key == "world" and isinstance(value, str):
-                    value = self.world(value, (item.where, f"{address}.world"))
-                graph = getattr(graph, kind)(key, value, origin=origin)
-            return graph
-        names = strings(node, address, "a name", self.problems)
-        if kind != "with":
-            changed: Graph = getattr(graph, kind)(
-                *(n.value for n, _ in names), origin=str(node.where)
-            )
+            return node.items()
+        if kind not in CHANGES:
+            return ()
+        return [(item.value, item) for item, _ in strings(node, address, "a name", self.problems)]
+
+    def apply_change(self, graph: Graph, kind: str, name: str, node: Node, address: str) -> Graph:
+        """A graph with one change."""
+        changed: Graph
+        origin = str(node.where)
+        if kind in ("without", "bypass"):
+            changed = getattr(graph, kind)(name, origin=origin)
             return changed
-        for item, place in names:
-            if item.value.startswith(TUNED):
-                graph = self.with_tuned(graph, item, place)
-                continue
-            path = find_file(item.value, (item.where, place), self.folder)
-            graph = graph.overlay(path, self.unsaved)
-        return graph
+        if kind == "with":
+            if name.startswith(TUNED):
+                return self.with_tuned(graph, node, address)
+            path = find_file(name, (node.where, address), self.folder)
+            return graph.overlay(path, self.unsaved)
+        value = plain_value(node, f"{address}.{name}")
+        if kind == "replace":
+            value = self.type_name(node, f"{address}.{name}")
+        elif name == "world" and isinstance(value, str):
+            value = self.world(value, (node.where, f"{address}.world"))
+        changed = getattr(graph, "set" if kind == "until" else kind)(name, value, origin=origin)
+        return changed
 
     def with_tuned(self, graph: Graph, node: Node, address: str) -> Graph:
         """A graph with the values that won a tuning: ``tuning:NAME``, or its folder."""
@@ -336,8 +380,8 @@ class _ExperimentReader:
 
     def type_name(self, node: Node, address: str) -> str:
         if not isinstance(node.value, str):
-            self.problems.add(node.where, address, f"expected a type, got {node.describe()}")
-            self.problems.raise_any()
+            text = f"expected a type, got {node.describe()}"
+            raise GraphError([Problem(node.where, address, text)])
         module, colon, kind = str(node.value).rpartition(":")
         return f"{self.folder / module}:{kind}" if colon else kind
 
@@ -352,19 +396,9 @@ class _ExperimentReader:
             return
         for each in self.named_variants(section, "contestants", graph, (*VARIANT_KEYS, "vary")):
             document = self.document.with_item("vary", section.value[each.name].get("vary"))
-            try:
-                changed = each.graph.check()
-            except GraphError as error:
-                self.problems.items += error.problems
-                continue
-            entries = read_entries(
-                *(document, changed, self.problems),
-                partial(self._conditions, graph=changed),
-            )
-            yield Experiment(each.name, changed, entries)
-
-    def _conditions(self, node: Node, address: str, graph: Graph) -> list[GraphVariant]:
-        return self.named_variants(node, address, graph)
+            own = partial(self.named_variants, graph=each.graph)
+            entries = read_entries(document, each.graph, self.problems, own)
+            yield Experiment(each.name, each.graph, entries)
 
     def measurements(self, graph: Graph) -> Iterable[Measurement]:
         section = self.document.get("data")
@@ -389,15 +423,19 @@ class _ExperimentReader:
                 self.problems.add(node.where, place, message)
                 continue
             check_keys(node, keys, place, self.problems, "key")
-            base = graph
-            if node.get("graph") is not None:
-                base = self.graph(node, place) or graph
-            else:
-                try:
-                    base = self.apply_changes(graph, node, f"{place}.")
-                except GraphError as error:
-                    self.problems.items += error.problems
-            variants.append(self.variant(name, node, base, graph))
+            outside, known = self.blamed, len(self.problems.items)
+            self.blamed = set(outside)
+            base = graph if node.get("graph") is None else self.graph(node, place)
+            changed = self.changed(base or graph, node, place)
+            try:
+                check_change(graph, f"variant {place}", changed)
+            except GraphError as error:
+                self.report(error, place, node.key, self.blamed)
+            except MissingExtraError:
+                pass  # a package that only a run needs
+            self.blamed = outside
+            if len(self.problems.items) == known:
+                variants.append(self.variant(name, node, changed, graph))
         return variants
 
     def variant(self, name: str, node: Node, changed: Graph, baseline: Graph) -> GraphVariant:

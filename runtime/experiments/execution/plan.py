@@ -283,7 +283,7 @@ def _plan(
     engine = engine_for(graph, runs, note)
     bundles = bundles_of(everything, engine)
     bundle = bundles[0].bundle if bundles else bundle_for(graph, engine)
-    metrics = metrics_of(graph)
+    metrics = _wanted(metrics_of(graph), experiment)
     default = Objective(metrics[0]) if metrics and kind == "sweep" else None
     plan = ExperimentPlan(
         *(kind, experiment.name, graph, bundle, seeds, metrics, design, bundles),
@@ -294,6 +294,17 @@ def _plan(
         figures=entries.figures,
     )
     return checked_plan(plan)
+
+
+def _wanted(known: tuple[str, ...], experiment: Experiment) -> tuple[str, ...]:
+    """The metrics of an experiment: those that it lists and those that its entries name, or all."""
+    entries = experiment.entries
+    if not entries.metrics:
+        return known
+    named = {*entries.metrics, *entries.primary, *dict(entries.margins)}
+    named |= {each.metric for each in entries.objectives}
+    named |= {each.metric for each in entries.figures}
+    return tuple(name for name in known if name in named)
 
 
 def bundles_of(variants: Sequence[GraphVariant], engine: str) -> tuple[VariantBundle, ...]:
