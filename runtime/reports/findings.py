@@ -11,7 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from runtime.experiments.analysis import EQUAL, LEVEL, NEGLIGIBLE, NEVER, SAME, TOO_FEW
+from runtime.experiments.analysis import (
+    EQUAL,
+    LEVEL,
+    NEGLIGIBLE,
+    NEVER,
+    SAME,
+    TOO_FEW,
+    UNRANKED,
+    is_significant,
+)
 from runtime.observation import RunData
 from runtime.reports import pieces
 
@@ -71,23 +80,35 @@ def _is_significant(line: Mapping[str, Any]) -> bool:
 
 
 def _difference(results: Mapping[str, Any], own: Mapping[str, Any], line: Mapping[str, Any]) -> str:
-    """One significant difference: shares of runs where they differ, else means."""
+    """One significant difference with the p value of what it names.
+
+    Of the shares of runs with a value only where that is what was tested: by McNemar's test, or by
+    ranks of pairs that all are infinite, where both are the sign test.
+    """
     name, variant, runs = line["metric"], line["variant"], line["runs"]
     difference = line["difference"]
     never = str((results.get("never") or {}).get(name, NEVER))
-    if own["n"] != line["n"]:
-        p = difference.get("p_presence")
-        p = difference["p_adjusted"] if p is None else p
+    p, counted = difference["p_adjusted"], difference.get("p_presence")
+    is_counted = is_significant(counted) or difference.get("n") == 0
+    if own["n"] != line["n"] and is_counted:
+        p = counted if is_significant(counted) else p
         did = never.removeprefix("never ") if never.startswith("never ") else f"had {words(name)}"
         without = f"{line['n']}" if line["n"] else "none"
         text = f"the baseline {did} in {own['n']} of {own['runs']} runs, {variant} in {without}"
         return _sentence(text, _p(p))
     unit = str((results.get("units") or {}).get(name, ""))
+    if difference.get("never"):
+        text = (
+            f"{variant}: {words(name)} differs from the baseline's by signed ranks, in which a run "
+            f"that failed or {never} is the worst; {line['n']} of {runs} runs have a value, and "
+            f"{own['n']} of the baseline's"
+        )
+        return _sentence(text, _p(p))
     text = (
         f"{variant}: {words(name)} {pieces.quantity(line['mean'], unit)} instead of "
         f"{pieces.quantity(own['mean'], unit)}, over {runs} seeds"
     )
-    return _sentence(text, _p(difference["p_adjusted"]))
+    return _sentence(text, _p(p))
 
 
 def _p(p: float | None) -> str:
@@ -161,7 +182,7 @@ def _contestant(lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: 
     difference = line["difference"] or {}
     note = "" if _is_significant(line) else f"{NOT_SIGNIFICANT}, "
     p = _p(difference.get("p_adjusted"))
-    if difference.get("verdict") in (TOO_FEW, EQUAL, NEGLIGIBLE, SAME):
+    if difference.get("verdict") in (TOO_FEW, EQUAL, NEGLIGIBLE, SAME, UNRANKED):
         note, p = difference["verdict"], ""
     return f"{name}, {mean}{share} ({note}{p})".replace(" ()", "").replace(", )", ")")
 

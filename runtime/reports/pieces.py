@@ -80,7 +80,9 @@ def mean(
 def difference(apart: Mapping[str, Any], runs: int) -> tuple[Html, str]:
     """A paired difference and its interval; that of a ratio in percent."""
     low, high = apart["low"], apart["high"]
-    if apart.get("test") != "log ranks" or apart["mean"] is None:
+    if apart.get("never"):  # by ranks, in which infinite values count
+        apart = {**apart, "n": apart.get("pairs", apart["n"])}
+    if not str(apart.get("test")).startswith("log") or apart["mean"] is None:
         return mean(apart, runs, signed=True), interval(low, high, signed=True)
     percent = {**apart, "mean": 100.0 * apart["mean"]}
     ends = "–" if None in (low, high) else interval(100.0 * low, 100.0 * high, signed=True) + " %"

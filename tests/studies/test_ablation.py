@@ -227,7 +227,8 @@ def test_a_value_on_more_seeds_is_better_even_if_later() -> None:
     values[ALONE]["converged_at"][:] = [math.inf] * 18 + [5.0, 5.1]
     effect = Judged(results)(LINE, PRINTED, BASELINE, ALONE, 1)
     assert (effect.own.n, effect.base.n, effect.apart.n) == (20, 2, 2)
-    assert effect.apart.mean > 0.0
+    # In most pairs the other side never converges: no finite number is the typical difference.
+    assert effect.apart.mean == -math.inf
     assert effect.verdict == HELPS
 
 

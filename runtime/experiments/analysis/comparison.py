@@ -13,21 +13,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from runtime.experiments.analysis.ranks import fewest
 from runtime.experiments.analysis.statistics import (
     ANY,
+    LEVEL,
     Ends,
     Estimate,
+    Margin,
     PairedDifference,
     Test,
     benjamini_hochberg,
     difference,
     estimate,
-    fewest,
     is_significant,
     mcnemar_test,
     number_or_none,
 )
-from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, TOO_FEW
+from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, TOO_FEW, UNRANKED
 from runtime.experiments.design import BASELINE
 
 PER = " per "  # in the name of a trend: error per wind.speed
@@ -46,6 +48,7 @@ class ComparisonLine:
     p_adjusted : ``difference.p`` corrected for the number of comparisons in the table.
     p_presence : likewise, for having a value as often as the reference.
     failed : runs that failed, which count as worse than any value.
+    is_unranked : runs of a side failed, and the metric has no direction in which that is worse.
     is_primary : the metric is tested, and not only described.
     is_removed : the variant does not record what the metric measures.
     """
@@ -62,6 +65,7 @@ class ComparisonLine:
     failed: int = 0
     is_primary: bool = True
     is_removed: bool = False
+    is_unranked: bool = False
 
     @property
     def title(self) -> str:
@@ -91,18 +95,20 @@ class ComparisonLine:
             return ""
         if self.has_significant_presence:
             return "yes, in seeds"
+        if self.is_unranked:
+            return TOO_FEW if self.needed > self.runs else UNRANKED
         if difference.is_same and not difference.is_equal:
             return SAME
         if difference.is_equal:
             return EQUAL
         if not self.is_primary:
             return "-"
+        if difference.is_too_small or self.needed > self.runs:
+            return TOO_FEW
         if self.has_significant_difference:
             return "yes"
         if difference.is_negligible:
             return NEGLIGIBLE
-        if difference.is_too_small or self.needed > self.runs:
-            return TOO_FEW
         return "-" if self.has_significant_difference is None else "no"
 
     @property
@@ -110,7 +116,7 @@ class ComparisonLine:
         """The seeds that the tests of this line need for any result to be significant."""
         if self.difference is None or self.difference.is_same:
             return 0
-        return max(self.difference.needed, 0 if math.isnan(self.p_presence) else fewest())
+        return max(self.difference.needed, 0 if math.isnan(self.p_presence) else fewest(LEVEL))
 
     def to_dict(self) -> dict[str, Any]:
         """The line as plain data."""
@@ -146,6 +152,7 @@ class Sample:
     ----------
     values : None where there is none; infinite for what was never reached, or of a failed run.
     failed : how many of these runs failed.
+    is_unranked : their values are None, since the metric has no direction that is worse.
     is_same : the seed changes nothing, so that all runs are one.
     is_removed : the variant does not record what the metric measures.
     """
@@ -154,6 +161,7 @@ class Sample:
     failed: int = 0
     is_same: bool = False
     is_removed: bool = False
+    is_unranked: bool = False
 
 
 @dataclass(frozen=True)
@@ -165,8 +173,8 @@ class Questions:
     primary : the metrics whose differences are tested; all if empty. Of the others, intervals are
         shown, without a verdict.
     contrasts : pairs of variants that are compared with each other, besides with the baseline.
-    margins : by metric, the smallest difference that counts: in its unit, or a share of the
-        baseline's mean if it is a string such as ``5%``. That of '' is of all others.
+    margins : by metric, the smallest difference that counts: in its unit, or a share of what it is
+        compared with if it is a string such as ``5%``. That of '' is of all others.
     ends : by metric, of the intervals of its mean.
     never : by metric, what infinite means. Such waiting times have skewed distributions.
     """
@@ -182,13 +190,9 @@ class Questions:
         """Whether a metric, or the trend of one, is tested."""
         return not self.primary or metric.partition(PER)[0] in self.primary
 
-    def margin(self, metric: str, base: Estimate) -> float:
-        """The smallest difference of a metric that counts, given the baseline's mean."""
-        written = self.margins.get(metric, self.margins.get("", 0.0))
-        if not isinstance(written, str):
-            return written
-        share = float(written.removesuffix("%")) / 100.0
-        return share * abs(base.mean) if base.n else 0.0
+    def margin(self, metric: str) -> Margin:
+        """The smallest difference of a metric that counts."""
+        return Margin.of(self.margins.get(metric, self.margins.get("", 0.0)))
 
 
 def compare(
@@ -205,7 +209,7 @@ def compare(
 
     Both kinds of p value, of differences and of missing values, are corrected together: without
     it, a table of many comparisons would show some that are significant by chance. What is equal
-    in every seed was not tested, and does not count.
+    in every seed, or has too few pairs for any result, was not tested, and does not count.
     """
     lines = []
     for (metric, setting), variants in samples.items():
@@ -217,7 +221,7 @@ def compare(
         for variant, reference in questions.contrasts:
             lines.append(_line(metric, setting, variants, variant, reference, questions))
     tested = [line for line in lines if questions.is_primary(line.metric)]
-    compared = [line.difference.p if line.difference is not None else math.nan for line in tested]
+    compared = [_p(line.difference) for line in tested]
     corrected = benjamini_hochberg([*compared, *(line.p_presence for line in tested)])
     p = dict(zip(map(id, tested), corrected[: len(tested)], strict=True))
     q = dict(zip(map(id, tested), corrected[len(tested) :], strict=True))
@@ -230,6 +234,11 @@ def compare(
         )
         for line in lines
     ]
+
+
+def _p(difference: PairedDifference | None) -> float:
+    """What is corrected; NaN if nothing was tested."""
+    return math.nan if difference is None or difference.is_too_small else difference.p
 
 
 def _line(
@@ -256,9 +265,15 @@ def _line(
         *(sample.values, base.values, questions.test),
         is_same=sample.is_same and base.is_same,
         is_skewed=True if metric in questions.never else None,
-        margin=questions.margin(metric, estimate([v for v in base.values if v is not None])),
+        margin=questions.margin(metric),
     )
     # Where both lack the same values there is nothing to test.
     differs = [a is None for a in sample.values] != [b is None for b in base.values]
     presence = mcnemar_test(sample.values, base.values) if differs else math.nan
-    return replace(line, difference=compared, p_presence=presence)
+    is_unranked = sample.is_unranked or base.is_unranked
+    if is_unranked:
+        # A difference of the runs that survived says nothing of those that did not.
+        compared = PairedDifference(
+            *(0, math.nan, math.nan, math.nan), pairs=compared.pairs, scale=compared.scale
+        )
+    return replace(line, difference=compared, p_presence=presence, is_unranked=is_unranked)

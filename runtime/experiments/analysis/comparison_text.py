@@ -17,9 +17,11 @@ from runtime.experiments.analysis.words import (
     FAILED,
     NEGLIGIBLE,
     NEVER,
+    NO_DIRECTION,
     SAME,
     SAME_RUNS,
     TOO_FEW,
+    UNRANKED,
     apart,
     half_width,
     interval,
@@ -94,12 +96,19 @@ def legend(lines: Sequence[ComparisonLine], test: Test = "auto") -> str:
         )
     if any(line.own.never for line in lines):
         notes.append("Infinite values (never ...) and failed runs are worse than any value.")
+    if UNRANKED in verdicts:
+        notes.append(f"{UNRANKED}: {NO_DIRECTION}.")
     if TOO_FEW in verdicts:
         few = [line for line in lines if line.verdict == TOO_FEW]
         needed = max(few, key=lambda line: line.needed)
+        against = needed.difference.against if needed.difference is not None else 0
+        runs = f"{against} failed or infinite run{'s' * (against > 1)}"
         pairs = needed.difference.pairs if needed.difference is not None else 0
-        least = f"; of {pairs} pairs p is at least {2.0 ** (1 - pairs):.2g}" if pairs else ""
-        notes.append(f"{too_few(needed.needed)}{least}.")
+        pairs = pairs or needed.runs
+        why = f"; of {pairs} pairs p is at least {2.0 ** (1 - pairs):.2g}"
+        if against:
+            why = f": {runs} of {pairs} against the others, with the largest rank"
+        notes.append(f"{too_few(needed.needed)}{why}.")
     if any(line.has_significant_presence for line in lines):
         notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
     if any(line.is_removed for line in lines):
@@ -110,16 +119,17 @@ def legend(lines: Sequence[ComparisonLine], test: Test = "auto") -> str:
 def _cells(
     line: ComparisonLine, interval_text: Callable[[Estimate, str], str], never: str
 ) -> tuple[str, ...]:
-    word = FAILED if line.failed and line.failed == line.own.never else never
+    is_failed = line.failed and line.failed == (line.runs if line.is_unranked else line.own.never)
+    word = FAILED if is_failed else never
     cells = [f"  {line.title}", seeds_of(line.own, line.runs)]
-    cells += [number(line.own.mean) if line.own.n or not line.own.never else word]
+    cells += [word if not line.own.n and (line.own.never or is_failed) else number(line.own.mean)]
     cells += [interval_text(line.own, "")]
     difference = line.difference
     if difference is None:
         return (*cells, "", "", line.verdict)
     mean, ends = apart(difference, interval_text)
-    if 0 < difference.n < line.runs and not difference.is_same:
-        mean += f" ({difference.n}/{line.runs})"
+    if 0 < difference.of < line.runs and not difference.is_same and mean != "-":
+        mean += f" ({difference.of}/{line.runs})"
     verdict = line.verdict
     if verdict in ("yes", "no") and difference.scale == "ranks":
         verdict += ", ranks"

@@ -44,15 +44,36 @@ def signed_rank_p(differences: FloatArray) -> float:
     return min(1.0, 2.0 * float(_cumulative(tuple(sorted(ranks.tolist())))[less]))
 
 
+@lru_cache
+def fewest(level: float, against: int = 0) -> int:
+    """The smallest number of pairs for which the test can be significant.
+
+    With n pairs, 2 of the 2^n equally likely patterns of signs are the most extreme: p >= 2 / 2^n.
+
+    Parameters
+    ----------
+    against : infinite differences that have the other sign than all the others.
+    """
+    pairs = against + 1
+    while signed_rank_p(np.array([-np.inf] * against + [*range(1, pairs - against + 1)])) >= level:
+        pairs += 1
+    return pairs
+
+
 def walsh_interval(data: FloatArray, level: float) -> tuple[float, float, float]:
     """The Hodges-Lehmann estimate with its interval, NaN if there are too few values for one.
 
-    The estimate is the median of the means of all pairs of values, each with itself included.
+    The estimate is the median of the means of all pairs of values, each with itself included. With
+    infinite values it may be infinite, and so may the ends of the interval, which are values in
+    this order: it still covers as often as the test says.
     """
     n = len(data)
     first, second = np.triu_indices(n)
-    means = np.sort(0.5 * (data[first] + data[second]))
-    centre = float(np.median(means))
+    with np.errstate(invalid="ignore"):
+        means = 0.5 * (data[first] + data[second])
+        means = np.sort(np.where(np.isnan(means), 0.0, means))  # infinite of either sign
+    inner = means[(len(means) - 1) // 2 : len(means) // 2 + 1]
+    centre = float(inner.mean()) if np.isfinite(inner).all() else float(inner[np.isinf(inner)][0])
     if n > MOST_EXACT:
         half = 1.96 * math.sqrt(n * (n + 1) * (2 * n + 1) / 24.0)
         out = max(0, int(n * (n + 1) / 4.0 - half))

@@ -44,7 +44,7 @@ def samples_of(
     """
     samples: Samples = {}
     for column, metric in enumerate(plan.metrics):
-        worst = -math.inf if metric in plan.larger_is_better else math.inf
+        worst = plan.worst(metric)
         for variant, own in rows.items():
             table = _Table(plan, own, column, worst)
             for name, setting, sample in table.samples(metric):
@@ -57,8 +57,13 @@ def samples_of(
     return {key: samples[key] for key in keys}
 
 
-def failed_value(row: Row, column: int, worst: float) -> Value:
-    """A run's value; that of a run that failed is worse than any (the rule of win ratios)."""
+def failed_value(row: Row, column: int, worst: Value) -> Value:
+    """A run's value; that of a run that failed is worse than any (the rule of win ratios).
+
+    Parameters
+    ----------
+    worst : infinite; None for a metric without a direction, in which no value is the worst.
+    """
     # A mean of the other runs alone would reward a variant for failing with the hard seeds.
     value = row.metrics[column]
     return worst if value is None and row.status in FAILURES else value
@@ -71,7 +76,7 @@ class _Table:
     plan: ExperimentPlan
     rows: Sequence[Row]
     column: int
-    worst: float
+    worst: Value
 
     @property
     def settings(self) -> dict[tuple[str, ...], list[Row]]:
@@ -99,7 +104,7 @@ class _Table:
         for i, path in enumerate(paths):
             places = [parse_yaml(cells[i], path).plain() for cells in settings]
             if all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in places):
-                slopes = [_slope(places, unit) for unit in units]
+                slopes = [slope_of(places, unit) for unit in units]
                 yield f"{metric}{PER}{path}", "", self._sample(slopes, alike)
 
     def _value(self, row: Row) -> Value:
@@ -108,7 +113,7 @@ class _Table:
     def _sample(self, values: list[Value], alike: bool) -> Sample:
         failed = sum(value == self.worst for value in values)
         failed = min(failed, sum(row.status in FAILURES for row in self.rows))
-        return Sample(tuple(values), failed, alike)
+        return Sample(tuple(values), failed, alike, is_unranked=self.worst is None and failed > 0)
 
 
 def mean_value(values: Sequence[Value]) -> Value:
@@ -117,8 +122,18 @@ def mean_value(values: Sequence[Value]) -> Value:
     return float(np.mean(known)) if len(known) == len(values) else None
 
 
-def _slope(places: Sequence[float], values: Sequence[Value]) -> Value:
-    """The slope of a straight line through values (least squares); None if one has none."""
-    known = [value for value in values if value is not None and math.isfinite(value)]
+def slope_of(places: Sequence[float], values: Sequence[Value]) -> Value:
+    """The slope of a straight line through values (least squares); None if one has none.
+
+    With infinite values it is the limit for ever larger ones: where runs fail at large places, the
+    slope is steeper than any. None if all are infinite.
+    """
+    known = np.array([math.nan if value is None else value for value in values])
     x = np.asarray(places, dtype=float) - float(np.mean(places))
-    return float(x @ np.array(known) / (x @ x)) if len(known) == len(values) and x.any() else None
+    infinite = np.isinf(known)
+    if np.isnan(known).any() or infinite.all() or not x.any():
+        return None
+    pull = float(x @ np.where(infinite, np.sign(known), 0.0))
+    if abs(pull) > 1e-9 * float(np.abs(x).max()):
+        return math.copysign(math.inf, pull)
+    return float(x @ np.where(infinite, 0.0, known) / (x @ x))

@@ -22,13 +22,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.experiments.analysis.ranks import signed_rank_p, walsh_interval
+from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
 
 CONFIDENCE = 0.95
 LEVEL = 1.0 - CONFIDENCE  # of significance
@@ -47,6 +46,57 @@ ROUNDING = 1e-9  # relative: values that differ by less are equal
 Values = Sequence[float | None]
 Ends = tuple[float, float]
 ANY: Ends = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True)
+class Margin:
+    """The smallest difference that counts: in the unit of the values, or a share of the others.
+
+    A share of 5 % holds ratios between 1/1.05 and 1.05, so that exchanging the two sides changes
+    no verdict.
+    """
+
+    size: float = 0.0
+    is_share: bool = False
+
+    @classmethod
+    def of(cls, written: float | str) -> Margin:
+        """From an entry such as ``0.001`` or ``5%``."""
+        if isinstance(written, str):
+            return cls(float(written.removesuffix("%")) / 100.0, True)
+        return cls(written)
+
+    def beyond(
+        self, apart: FloatArray, second: FloatArray, is_log: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """The differences less the upper, and less the lower end of the margin.
+
+        Of a share, these are differences from 1.05 times each value of the other side, and not from
+        a share of its estimated mean, which would be taken for exact (Fieller, 1954).
+        """
+        known = np.isfinite(second)
+        if is_log:
+            up = down = np.full(len(apart), math.log1p(self.size))
+        elif self.is_share:
+            value = np.where(known, second, 0.0)
+            up, down = self.size * value, value * self.size / (1.0 + self.size)
+            if value.sum() < 0.0:
+                up, down = -down, -up
+        else:
+            up = down = np.full(len(apart), self.size)
+        # Two runs that failed are as equal with a margin as without one.
+        is_tie = ~known & (apart == 0.0)
+        return np.where(is_tie, 0.0, apart - up), np.where(is_tie, 0.0, apart + down)
+
+    def shown(self, second: FloatArray, is_log: bool) -> float:
+        """The margin as differences are given: in the unit of the values, or a ratio less 1."""
+        known = second[np.isfinite(second)]
+        if not self.is_share or is_log:
+            return self.size
+        return self.size * abs(float(known.mean())) if len(known) else 0.0
+
+
+NO_MARGIN = Margin()
 
 
 @dataclass(frozen=True)
@@ -83,11 +133,15 @@ class PairedDifference(Estimate):
     Parameters
     ----------
     mean : by t the mean; by ranks the Hodges-Lehmann estimate, with ``log ranks`` of the ratio
-        less 1.
+        less 1. Where one side of a pair is infinite it is of all pairs, and may be infinite, too.
     pairs : that were tested, with those in which one is infinite.
-    needed : so many pairs are needed for any result of the test to be significant.
+    needed : so many pairs are needed for any result of the test to be significant; more if infinite
+        values are against the others, since these have the largest ranks.
+    against : how many are.
     scale : the test that was taken.
     margin : the smallest difference that counts; ``p`` is of a larger one.
+    is_negligible : the difference lies within the margin: both one-sided tests at 2.5 % say so
+        (Schuirmann, 1987).
     """
 
     p: float = math.nan
@@ -96,6 +150,8 @@ class PairedDifference(Estimate):
     scale: Scale = "t"
     margin: float = 0.0
     is_equal: bool = False
+    is_negligible: bool = False
+    against: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         tested = {"p": number_or_none(self.p), "pairs": self.pairs, "needed": self.needed}
@@ -107,9 +163,14 @@ class PairedDifference(Estimate):
         return 0 < self.pairs < self.needed and not self.is_same and not self.is_equal
 
     @property
-    def is_negligible(self) -> bool:
-        """Whether the whole interval lies within the margin (equivalence; Schuirmann, 1987)."""
-        return self.margin > 0.0 and -self.margin <= self.low and self.high <= self.margin
+    def is_ratio(self) -> bool:
+        """Whether it is of a ratio, less 1."""
+        return self.scale.startswith("log")
+
+    @property
+    def of(self) -> int:
+        """How many pairs the difference is over: by ranks, infinite ones count."""
+        return self.pairs if self.never else self.n
 
 
 def estimate(values: Sequence[float], ends: Ends = ANY, is_same: bool = False) -> Estimate:
@@ -142,7 +203,7 @@ def difference(
     *,
     is_same: bool = False,
     is_skewed: bool | None = None,
-    margin: float = 0.0,
+    margin: Margin = NO_MARGIN,
 ) -> PairedDifference:
     """The difference ``values - baseline`` over the seeds on which both have a value.
 
@@ -153,32 +214,43 @@ def difference(
     is_same : both sides repeat one run with every seed; there is nothing to test.
     is_skewed : whether ``auto`` takes ranks; by default, whether the values look skewed.
     margin : the smallest difference that counts.
+
+    Of fewer pairs than the test needs there is no interval, and by t no p value: the scatter of two
+    pairs is one number.
     """
     if is_same:
         values, baseline = values[:1], baseline[:1]
     pairs = [(a, b) for a, b in zip(values, baseline, strict=True) if None not in (a, b)]
     first, second = np.array(pairs, dtype=float).reshape(len(pairs), 2).T
     apart = _apart(first, second)
-    scale = _scale(first, second, apart, test, is_skewed)
+    scale = _scale(first, second, apart, test, is_skewed, margin)
     if scale == "log ranks":
         with np.errstate(divide="ignore", invalid="ignore"):  # inf / inf, which is equal
             apart = np.where(apart == 0.0, 0.0, np.log(np.where(apart == 0.0, 1.0, first / second)))
-        margin = math.log1p(margin / float(np.median(second[np.isfinite(second)])))
-    finite = apart[np.isfinite(apart)]
-    centre, low, high = _middle(finite, scale)
-    if len(finite) < len(apart):
-        low = high = math.nan  # of a part of the pairs, an interval would be biased
-    p = _p(apart, scale, margin, centre)
+    centre, low, high = _middle(apart, scale)
+    against = 0
+    if math.isfinite(centre):
+        against = int((np.isinf(apart) & (np.sign(apart) == -np.sign(centre))).sum())
+    needed = FEWEST_T if scale == "t" else fewest(LEVEL, against)
+    p, is_negligible = math.nan, False
+    if scale == "t" and len(apart) < needed:
+        low = high = math.nan
+    else:
+        p, is_negligible = _tested(apart, second, scale, margin, centre)
     if scale == "log ranks":
-        centre, low, high, margin = (math.expm1(x) for x in (centre, low, high, margin))
+        low, high = math.expm1(low), math.expm1(high)
+        centre = math.expm1(centre) if math.isfinite(centre) else centre
+    finite = int(np.isfinite(apart).sum())
     return PairedDifference(
-        *(len(finite), centre, low, high, len(apart) - len(finite), is_same),
+        *(finite, centre, low, high, len(apart) - finite, is_same),
         p=p,
         pairs=len(apart),
-        needed=FEWEST_T if scale == "t" else fewest(),
+        needed=needed,
         scale=scale,
-        margin=margin,
+        margin=margin.shown(second, scale == "log ranks"),
         is_equal=len(apart) > 0 and not apart.any(),
+        is_negligible=is_negligible and len(apart) >= needed,
+        against=against,
     )
 
 
@@ -193,16 +265,23 @@ def _apart(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _scale(
-    first: FloatArray, second: FloatArray, apart: FloatArray, test: Test, is_skewed: bool | None
+    first: FloatArray,
+    second: FloatArray,
+    apart: FloatArray,
+    test: Test,
+    is_skewed: bool | None,
+    margin: Margin,
 ) -> Scale:
     """The test to take."""
     both = np.concatenate([first, second])
+    is_unit = margin.size > 0.0 and not margin.is_share  # which no ratio can be held against
     finite = both[np.isfinite(both)]
     if test == "auto" and is_skewed is None:
         # Of both sides together, which are the same numbers if the sides of a pair are exchanged:
         # a choice that looked at the differences would make the exact test inexact.
-        is_skewed = len(finite) >= JUDGED and abs(_skewness(finite)) > SKEWED
-    if test == "auto" and is_skewed and (both > 0.0).all() and np.isfinite(second).any():
+        is_skewed = looks_skewed(finite)
+    is_positive = (both > 0.0).all() and np.isfinite(second).any()
+    if test == "auto" and is_skewed and is_positive and not is_unit:
         return "log ranks"
     if test == "ranks" or (test == "auto" and is_skewed):
         return "ranks"
@@ -211,6 +290,11 @@ def _scale(
         return "ranks"
     is_constant = len(apart) > 1 and float(np.ptp(apart)) <= ROUNDING * float(np.abs(apart).max())
     return "ranks" if is_constant else "t"
+
+
+def looks_skewed(data: FloatArray) -> bool:
+    """Whether there are enough values to judge, and they are skewed."""
+    return len(data) >= JUDGED and abs(_skewness(data)) > SKEWED
 
 
 def _skewness(data: FloatArray) -> float:
@@ -228,16 +312,24 @@ def _middle(data: FloatArray, scale: Scale) -> tuple[float, float, float]:
     return (centre, math.nan, math.nan) if low == high else (centre, low, high)
 
 
-def _p(apart: FloatArray, scale: Scale, margin: float, centre: float) -> float:
-    """p of a difference beyond the margin; NaN if there is none, or nothing to test."""
+def _tested(
+    apart: FloatArray, second: FloatArray, scale: Scale, margin: Margin, centre: float
+) -> tuple[float, bool]:
+    """p of a difference beyond the margin, NaN with nothing to test; and whether it is within."""
     if len(apart) < 2 or not apart.any():
-        return math.nan
-    if margin:
-        # Against the end of the margin on the side of most differences.
-        side = centre if np.isfinite(apart).all() else float(np.sign(apart).sum())
-        if side == 0.0 or (abs(centre) <= margin and np.isfinite(apart).all()):
-            return 1.0
-        apart = apart - math.copysign(margin, side)
+        return math.nan, False
+    if not margin.size:
+        return _p(apart, scale), False
+    above, below = margin.beyond(apart, second, scale == "log ranks")
+    is_within = _middle(above, scale)[2] <= 0.0 <= _middle(below, scale)[1]
+    # Against the end of the margin on the side of the difference.
+    side = above if centre > 0.0 else below
+    is_beyond = centre * _middle(side, scale)[0] > 0.0
+    return (_p(side, scale) if is_beyond else 1.0), is_within
+
+
+def _p(apart: FloatArray, scale: Scale) -> float:
+    """p of no difference."""
     if scale != "t":
         return signed_rank_p(apart)
     from scipy import special
@@ -269,18 +361,6 @@ def is_same_run(signals: Sequence[str]) -> bool:
     signals : a hash of what each run recorded; '' where it is not known.
     """
     return len(signals) > 1 and signals[0] != "" and len(set(signals)) == 1
-
-
-@lru_cache
-def fewest(level: float = LEVEL) -> int:
-    """The smallest number of pairs for which an exact test of signs can be significant.
-
-    With n pairs, 2 of the 2^n equally likely patterns of signs are the most extreme: p >= 2 / 2^n.
-    """
-    pairs = 1
-    while sign_test(pairs, 0) >= level:
-        pairs += 1
-    return pairs
 
 
 def sign_test(larger: int, smaller: int) -> float:

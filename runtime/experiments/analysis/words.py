@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from runtime.experiments.analysis.statistics import Estimate, PairedDifference, fewest
+from runtime.experiments.analysis.ranks import fewest
+from runtime.experiments.analysis.statistics import LEVEL, Estimate, PairedDifference
 from runtime.terminal import number
 
 SAME = "n = 1"
@@ -21,11 +22,16 @@ NEVER = "never"
 FAILED = "failed"
 EQUAL = "equal"
 NEGLIGIBLE = "negligible"
+UNRANKED = "failures not ranked"
+NO_DIRECTION = (
+    "runs failed, and the metric has no direction in which that is worse\n"
+    "(no minimize or maximize, below or above): neither side is better"
+)
 
 
 def too_few(needed: int | None = None) -> str:
     """That a test cannot have a significant result, with the number of seeds that it needs."""
-    return f"{TOO_FEW} to test ({fewest() if needed is None else needed} needed)"
+    return f"{TOO_FEW} to test ({fewest(LEVEL) if needed is None else needed} needed)"
 
 
 def seeds_of(estimate: Estimate, runs: int) -> str:
@@ -65,7 +71,7 @@ def half_width(estimate: Estimate, sign: str = "") -> str:
     half = 0.5 * (estimate.high - estimate.low)
     if math.isnan(half) or estimate.mean is None:
         return "-"
-    if abs(0.5 * (estimate.low + estimate.high) - estimate.mean) > 1e-6 * half:
+    if math.isinf(half) or abs(0.5 * (estimate.low + estimate.high) - estimate.mean) > 1e-6 * half:
         return interval(estimate, sign)
     return f"{half:.2g}"
 
@@ -74,7 +80,9 @@ def apart(
     difference: PairedDifference, interval_text: Callable[[Estimate, str], str] = interval
 ) -> tuple[str, str]:
     """A difference and its interval; that of a ratio in percent."""
-    if difference.scale != "log ranks" or math.isnan(difference.mean):
+    if not math.isfinite(difference.mean):
+        return "-", "-"
+    if not difference.is_ratio:
         return number(difference.mean, "+"), interval_text(difference, "+")
     middle, low, high = (
         f"{100.0 * each:+.3g} %" for each in (difference.mean, difference.low, difference.high)

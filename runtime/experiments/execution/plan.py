@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -54,6 +55,8 @@ Note = Callable[[str], None]
 # Six pairs are the fewest with which a sign test can be significant.
 ABLATION_SEEDS = Seeds(((0, 9),))
 PlanT = TypeVar("PlanT", bound="ExperimentPlan")
+# Kinds of metrics whose values are not negative, and of which neither less nor more is better.
+AMOUNTS = frozenset({"path_length", "share_above", "firing_rate", "stop_time"})
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,25 @@ class ExperimentPlan:
             for goal in (self.objective,)
             if goal is not None and goal.goal == "maximize"
         }
+
+    def worst(self, metric: str) -> float | None:
+        """The value of a run that failed: infinite, or None for a metric without a direction.
+
+        A direction is said by an objective, ``below`` or ``above``; a time until something, and an
+        error, which has 0 as its least value, are better if they are smaller.
+        """
+        if metric in self.larger_is_better:
+            return -math.inf
+        [own] = [m for m in self.graph.observation.metrics if m.name == metric]
+        is_error = own.definition.ends[0] == 0.0 and own.kind not in AMOUNTS
+        is_said = own.options.get("below") is not None or metric in self.smaller_is_better
+        return math.inf if is_error or is_said or own.never else None
+
+    @property
+    def smaller_is_better(self) -> set[str]:
+        """The metrics that an objective minimises."""
+        goal = self.objective
+        return {goal.metric} if goal is not None and goal.goal == "minimize" else set()
 
     @property
     def columns(self) -> Columns:

@@ -62,6 +62,19 @@ class TuningPlan(ExperimentPlan):
         return tuple(factor.path for factor in self.design.factors)
 
     @property
+    def larger_is_better(self) -> set[str]:
+        aims = {o.metric for o in self.tuning.objectives if o.goal == "maximize"}
+        aims |= {c.metric for c in self.tuning.constraints if c.side == "above"}
+        return (super().larger_is_better | aims) - self.smaller_is_better
+
+    @property
+    def smaller_is_better(self) -> set[str]:
+        aims = {o.metric for o in self.tuning.objectives if o.goal == "minimize"}
+        chosen = {o.metric for o in self.tuning.objectives}
+        below = {c.metric for c in self.tuning.constraints if c.side == "below"}
+        return aims | (below - chosen)
+
+    @property
     def columns(self) -> Columns:
         return Columns((*self.paths, CONDITION), self.metrics)
 

@@ -16,13 +16,15 @@ from scipy import stats
 from runtime.experiments.analysis.comparison import ComparisonLine, Questions, Sample
 from runtime.experiments.analysis.comparison import compare as compare_samples
 from runtime.experiments.analysis.comparison_text import comparison_table, legend
-from runtime.experiments.analysis.ranks import signed_rank_p, walsh_interval
+from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
+from runtime.experiments.analysis.samples import slope_of
 from runtime.experiments.analysis.statistics import (
+    Margin,
+    Test,
     Values,
     benjamini_hochberg,
     difference,
     estimate,
-    fewest,
     is_same_run,
     mcnemar_test,
 )
@@ -121,7 +123,10 @@ def test_a_variant_that_fails_on_the_hard_seeds_is_not_better() -> None:
     base = np.sort(rng.uniform(1.0, 2.0, 10))
     own = [*(base[:7] - 0.3).tolist(), math.inf, math.inf, math.inf]
     found = difference(own, base.tolist())
-    assert found.p > 0.05 and (found.n, found.pairs) == (7, 10) and math.isnan(found.low)
+    assert found.p > 0.05 and (found.n, found.pairs) == (7, 10)
+    # The interval is of all pairs: it does not exclude that a run typically fails.
+    assert found.low == pytest.approx(-0.3) and found.high == math.inf
+    assert found.is_too_small and found.against == 3
     assert difference(own[:7], base[:7].tolist()).p == pytest.approx(2 / 2**7)
 
 
@@ -144,6 +149,60 @@ def test_a_margin_says_what_is_too_small_to_count() -> None:
             "a": "negligible",
             "b": "yes",
         }
+
+
+@given(st.integers(0, 200), st.sampled_from(["t", "ranks", "auto"]))
+def test_a_share_as_margin_is_the_same_from_both_sides(seed: int, test: Test) -> None:
+    """Half as much is as far from equal as twice as much."""
+    rng = np.random.default_rng(seed)
+    first, second = np.exp(rng.normal(0.0, 0.3, (2, 14)) + rng.normal(0.0, 1.0, 14)).tolist()
+    share = Margin.of("25%")
+    one, other = (
+        difference(first, second, test, margin=share),
+        difference(second, first, test, margin=share),
+    )
+    assert one.is_negligible == other.is_negligible
+    assert one.p == pytest.approx(other.p, rel=1e-6)
+    if one.scale == "log ranks":
+        assert 1.0 + one.mean == pytest.approx(1.0 / (1.0 + other.mean))
+        inside = 1.0 + one.low >= 1.0 / 1.25 and one.high <= 0.25
+        assert one.is_negligible == inside
+
+
+def test_a_difference_as_large_as_its_share_is_seldom_negligible() -> None:
+    """Of these values the mean is 2.7 times the median: its share is not that of a ratio."""
+    rng = np.random.default_rng(4)
+    share, found = Margin.of("10%"), {"t": 0, "auto": 0}
+    for _ in range(400):
+        base = np.exp(rng.normal(0.0, 1.4, 20))
+        own = 1.1 * base * np.exp(rng.normal(0.0, 0.02, 20))
+        for test in found:
+            found[test] += difference(own.tolist(), base.tolist(), test, margin=share).is_negligible
+    assert max(found.values()) < 24  # 2.5 % of 400 are 10, with a standard deviation of 3.1
+
+
+def test_failures_of_a_metric_without_direction_are_not_ranked() -> None:
+    own = Sample((None, *FIRST[1:]), failed=1, is_unranked=True)
+    base = Sample(tuple(SECOND))
+    lines = compare_samples({("x", ""): {"baseline": base, "a": own}}, "baseline", ALL)
+    assert lines[1].verdict == "failures not ranked" and lines[1].difference is not None
+    assert math.isnan(lines[1].difference.mean) and math.isnan(lines[1].p_adjusted)
+    assert "no direction" in legend(lines) and max(map(len, legend(lines).splitlines())) <= 100
+
+
+def test_a_trend_through_runs_that_failed_is_the_limit_of_ever_larger_values() -> None:
+    places, worst = [0.0, 1.0, 2.0, 5.0], math.inf
+    for values in itertools.product((1.0, 2.5, worst), repeat=4):
+        known = np.array(values)
+        large = np.polyfit(places, np.where(np.isinf(known), 1e9, known), 1)[0]
+        found = slope_of(places, values)
+        if found is None:
+            assert np.isinf(known).all()
+        elif math.isinf(found):
+            assert np.sign(found) == np.sign(large) and abs(large) > 1e6
+        else:
+            assert found == pytest.approx(large, abs=1e-6)
+    assert slope_of(places, [1.0, None, 2.0, 3.0]) is None
 
 
 def test_only_primary_metrics_that_can_differ_are_counted() -> None:
@@ -194,7 +253,29 @@ def test_the_fewest_pairs_that_an_exact_test_needs(level: float) -> None:
     for test in (mcnemar_test, lambda a, b: difference(a, b, "ranks").p):
         assert test(enough, [None if test is mcnemar_test else 0.0] * needed) < level
         assert test(less, [None if test is mcnemar_test else 0.0] * (needed - 1)) >= level
-    assert fewest() == 6
+    assert fewest(0.05) == 6
+
+
+def test_runs_that_failed_raise_the_number_of_pairs_that_are_needed() -> None:
+    """Against n - 1 finite differences of the other sign, an infinite one has rank n."""
+    for pairs in range(2, 14):
+        finite = -np.arange(1.0, pairs)
+        p = stats.wilcoxon(np.append(finite, 1000.0), method="exact").pvalue
+        found = difference([*finite.tolist(), math.inf], [0.0] * pairs)
+        assert found.p == pytest.approx(p)
+        assert found.is_too_small == (p >= 0.05) == (pairs < found.needed)
+    assert [fewest(0.05, against) for against in range(4)] == [6, 12, 17, 22]
+    # With it on their side, six pairs are enough.
+    assert difference([*(-finite).tolist()[:5], math.inf], [0.0] * 6).needed == 6
+
+
+def test_two_pairs_are_no_yes() -> None:
+    values = {"baseline": {"e": [1.0, 2.0]}, "a": {"e": [2.0, 3.000001]}}
+    [line] = [line for line in compare(values) if line.difference]
+    assert line.verdict == "too few pairs" and line.difference is not None
+    assert math.isnan(line.difference.p) and math.isnan(line.difference.low)
+    [line] = [x for x in compare(values, questions=Questions(margins={"e": 9.0})) if x.difference]
+    assert line.verdict == "too few pairs"
 
 
 def test_one_run_repeated_is_one() -> None:

@@ -59,6 +59,13 @@ def test_an_ablation_says_what_differs_significantly() -> None:
     assert told(own, line("same", 10, 12.1)) == (
         "No variant differs significantly from the baseline in any metric."
     )
+    # One run of ten more is no result of McNemar's test; what was tested are the ranks.
+    once = line("rough", 9, 2.0, verdict="yes", p_adjusted=0.01, never=1)
+    assert told(own, once) == (
+        "Rough: settled at differs from the baseline's by signed ranks, in which a run that failed "
+        "or never settled is the worst; 9 of 10 runs have a value, and 10 of the baseline's "
+        "(p = 0.01)."
+    )
     # A verdict in words is later than a truth value, and decides.
     assert "No variant" in told(own, line("x", 10, 1.0, verdict="negligible", distinguishable=True))
     assert told(own) == ""

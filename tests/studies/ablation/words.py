@@ -35,7 +35,9 @@ def change(effect: Effect) -> str:
         counts = f"{effect.own.n} seeds against {effect.base.n}"
     if not effect.own.n or not effect.base.n:
         return _cell(counts, effect.verdict) if counts else "never"
-    if effect.apart.scale == "log ranks":
+    if math.isinf(effect.apart.mean):
+        span = ""
+    elif effect.apart.scale == "log ranks":
         span = percent(effect)
     else:
         span = _span(effect.apart.mean, effect.apart.low, effect.apart.high, metric, "+")
