@@ -34,7 +34,7 @@ from runtime.experiments.analysis import (
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, VARIANT, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
-from runtime.experiments.tuning import Candidate, Judgement, TuningResult, judgements, summary
+from runtime.experiments.tuning import Candidate, Judgement, TuningResult, summary
 from runtime.runs import Figures, dataframe
 from runtime.terminal import table, with_unit
 
@@ -296,7 +296,8 @@ class TuningTable:
     configurations : all that were tried, the graph's own values first.
     winners : the best one, or the front, of the training runs; at most five. Empty if nothing is
         better than the graph's own values.
-    better : those of them that are better on the held-out runs, too.
+    better : those of which the held-out runs show that they are better: by a test, or because the
+        seed changes nothing.
     judgements : the graph's own values and the winners on the training and the held-out runs.
     folder : the tuning's folder, as that of :class:`SweepTable`.
     """
@@ -316,7 +317,7 @@ class TuningTable:
             tuple(result.candidates),
             tuple(result.winners),
             tuple(result.better),
-            tuple(judgements(result)),
+            tuple(result.judgements),
             result.plan.paths,
             result.folder,
             summary(result),

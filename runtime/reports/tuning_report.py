@@ -11,7 +11,7 @@ from runtime.compare import text_of
 from runtime.errors import UsageError
 from runtime.experiments.analysis import NEVER, SAME, SAME_RUNS, too_few
 from runtime.experiments.execution import GRAPH, check_entries, read_plan
-from runtime.experiments.tuning import NOTHING, TUNING
+from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING, TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_text
 from runtime.reports import pieces
@@ -147,7 +147,9 @@ def _winners(stored: Mapping[str, Any]) -> Html:
     ]
     winners = table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
     if stored["table"] and not stored.get("better", stored["front"]):
-        return join(winners, element("p", f"On the held-out runs, {NOTHING}.", class_="warn"))
+        is_open = "not distinguishable" in (stored.get("verdicts") or {}).values()
+        words = NOT_DISTINGUISHABLE if is_open else NOTHING
+        return join(winners, element("p", f"On the held-out runs, {words}.", class_="warn"))
     return winners
 
 
@@ -170,7 +172,8 @@ def _evaluations(stored: Mapping[str, Any]) -> Html:
         "Baseline: the values as in the graph. Differences are from it on the same conditions, or "
         "of one condition on the same seeds (paired t, or signed ranks where values are skewed or "
         "runs failed, p by Benjamini-Hochberg; what is never reached, and a failed run, counts "
-        "as worse than any value; in %: the typical ratio). Overfit: training minus held-out. "
+        "as worse than any value; in %: the typical ratio). Winners were chosen by the training "
+        "runs, which therefore have no interval and no test. Overfit: training minus held-out. "
         f"{SAME}: {SAME_RUNS}.",
         class_="soft small",
     )

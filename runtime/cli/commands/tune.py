@@ -46,7 +46,10 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--write",
         action="store_true",
-        help="write the winner's values into the file, if they are better on the held-out runs",
+        help="write the winner's values into the file, if the held-out runs show them to be better",
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="with --write: write them even if they do not"
     )
     add_experiment(parser, "tuning", "tunings", "training; the graph's own seed")
 
@@ -107,6 +110,8 @@ def run(options: Namespace) -> int:
     )
 
     experiment = experiment_of(options)
+    if options.force and not options.write:
+        raise UsageError("--force: there is nothing to force; add --write")
     if options.write:
         check_writable(experiment)
     if (experiment.entries.repeats or 1) > 1:
@@ -127,7 +132,7 @@ def run(options: Namespace) -> int:
     show_results(options, stored, f"{summary(result)}\n", pictures)
     if not result.has_feasible:
         return 3
-    return _write(experiment, result) if options.write else 0
+    return _write(experiment, result, options.force) if options.write else 0
 
 
 def _repeat(options: Namespace, experiment: Experiment) -> int:
@@ -150,14 +155,18 @@ def _repeat(options: Namespace, experiment: Experiment) -> int:
     return 0
 
 
-def _write(experiment: Experiment, result: TuningResult) -> int:
+def _write(experiment: Experiment, result: TuningResult, force: bool) -> int:
     """Write the best values into the file, if they are better; returns the exit code."""
-    from runtime.experiments.tuning import NOTHING, write_values
+    from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING, write_values
 
-    if not result.better:
-        tell(f"note: --write has written nothing: {NOTHING}")
+    chosen = result.better or (result.winners if force else [])
+    if not chosen:
+        is_open = "not distinguishable" in result.verdicts.values()
+        why = f"the winner is {NOT_DISTINGUISHABLE}" if is_open else NOTHING
+        more = "; --force writes it nevertheless" * bool(result.winners)
+        tell(f"note: --write has written nothing: {why}{more}")
         return 1
-    best = result.better[0]
+    best = chosen[0]
     values = dict(zip(result.plan.paths, best.values or (), strict=True))
     path = write_values(experiment, values)
     tell(f"note: the values of {best.number} are written into {path}")

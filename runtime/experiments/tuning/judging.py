@@ -5,14 +5,18 @@ configuration::
 
     baseline 0.5 and 0.5; configuration 7: training 0.2, held out 0.4
     ->  optimism -0.2 (of an error: training promised too much)
+
+The winner of many trials is best on its training runs even where nothing differs, so that these are
+neither tested nor given an interval. It is *better* than the graph's own values only where the
+held-out runs show it, by a test or because the seed changes nothing.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from runtime.experiments.analysis import (
     ANY,
@@ -31,6 +35,8 @@ from runtime.experiments.design import RunSet
 from runtime.experiments.tuning.plan import BASELINE, TuningPlan
 from runtime.experiments.tuning.scores import Candidate, Scorer
 
+Verdict = Literal["better", "not better", "not distinguishable"]
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -38,7 +44,7 @@ class Evaluation:
 
     ``over`` is as in tuning: over the conditions the mean or the worst. ``mean`` and ``difference``
     are over ``units``: the conditions if there are several, each the mean of its seeds, otherwise
-    the seeds; ``p`` is corrected over the table.
+    the seeds; ``p`` is corrected over the held-out differences of the table.
     """
 
     mean: Estimate
@@ -98,16 +104,79 @@ def judge(
     lines = []
     for number in training:
         for metric in plan.tuning.metrics:
-            sets = []
-            for runs, results in (
-                (plan.tuning.training, training),
-                (plan.tuning.held_out, held_out),
-            ):
-                sets.append(
-                    _evaluate(plan, scorer, metric, runs, results[number], results[BASELINE])
+            seen, judged = (
+                _evaluate(plan, scorer, metric, runs, results[number], results[BASELINE])
+                for runs, results in (
+                    (plan.tuning.training, training),
+                    (plan.tuning.held_out, held_out),
                 )
-            lines.append(Judgement(number, metric, *sets))
+            )
+            if number != BASELINE:
+                seen = _chosen_by(seen)
+            lines.append(Judgement(number, metric, seen, judged))
     return _correct(lines)
+
+
+def _chosen_by(seen: Evaluation) -> Evaluation:
+    """The training runs of a winner, which has been chosen by them: no interval and no test."""
+    gone = {"low": math.nan, "high": math.nan}
+    mean, paired = replace(seen.mean, **gone), seen.difference
+    if paired is not None:
+        mean_only = (paired.n, paired.mean, math.nan, math.nan, paired.never, paired.is_same)
+        paired = PairedDifference(*mean_only, pairs=paired.pairs, scale=paired.scale)
+    return replace(seen, mean=mean, difference=paired)
+
+
+def verdicts(
+    plan: TuningPlan, held_out: Mapping[int, Candidate], lines: Sequence[Judgement]
+) -> dict[int, Verdict]:
+    """What the held-out runs say of each winner beside the graph's own values."""
+    judged = {(line.number, line.metric): line.held_out for line in lines}
+    return {
+        number: _verdict(plan, {m: judged[number, m] for m in plan.tuning.metrics}, one, held_out)
+        for number, one in held_out.items()
+        if number != BASELINE
+    }
+
+
+def _verdict(
+    plan: TuningPlan,
+    judged: Mapping[str, Evaluation],
+    one: Candidate,
+    held_out: Mapping[int, Candidate],
+) -> Verdict:
+    """Better in an objective, or in a constraint that the graph's own values violate."""
+    tuning, own, score = plan.tuning, held_out[BASELINE].score, one.score
+    if own is None or score is None or not score.is_feasible:
+        return "not better"
+    asked = [o.metric for o in tuning.objectives]
+    if not own.is_feasible:
+        violations = zip(tuning.constraints, own.violations, strict=True)
+        asked = [c.metric for c, violation in violations if violation > 0.0]
+    found = [_shown(judged[metric], metric in plan.larger_is_better) for metric in asked]
+    if score.improves_on(own):
+        return "better" if 1 in found else "not distinguishable"
+    return (
+        "not better"
+        if -1 in found or not any(map(_is_tested, judged.values()))
+        else ("not distinguishable")
+    )
+
+
+def _is_tested(judged: Evaluation) -> bool:
+    return judged.difference is not None and not (
+        judged.difference.is_same or judged.difference.is_equal
+    )
+
+
+def _shown(judged: Evaluation, larger_is_better: bool) -> int:
+    """1 if it is shown that a metric is better, -1 that it is worse, 0 for neither."""
+    difference = judged.difference
+    if difference is None or math.isnan(difference.mean) or difference.is_equal:
+        return 0
+    if not difference.is_same and not is_significant(judged.p):
+        return 0
+    return 1 if (difference.mean > 0.0) == larger_is_better else -1
 
 
 def _evaluate(
@@ -145,7 +214,7 @@ def _units(
     taken for independent, 18 to 28 of 100 tables would show a difference that is none.
     """
     column = scorer.columns[metric]
-    worst = -math.inf if metric in plan.larger_is_better else math.inf
+    worst = plan.worst(metric)
     rows = [[one.rows[name, seed] for seed in runs.seeds] for name in runs.names]
     values = [[failed_value(row, column, worst) for row in each] for each in rows]
     if len(rows) == 1:
@@ -154,13 +223,12 @@ def _units(
 
 
 def _correct(lines: list[Judgement]) -> list[Judgement]:
-    """The lines with p values corrected over all differences of the table."""
-    evaluations = [evaluation for line in lines for evaluation in (line.training, line.held_out)]
+    """The lines with p values corrected over all held-out differences of the table."""
+    found = [line.held_out.difference for line in lines]
     corrected = benjamini_hochberg(
-        [math.nan if j.difference is None else j.difference.p for j in evaluations]
+        [math.nan if one is None or one.is_too_small else one.p for one in found]
     )
-    fixed = [replace(evaluation, p=p) for evaluation, p in zip(evaluations, corrected, strict=True)]
     return [
-        Judgement(line.number, line.metric, fixed[2 * i], fixed[2 * i + 1])
-        for i, line in enumerate(lines)
+        replace(line, held_out=replace(line.held_out, p=p))
+        for line, p in zip(lines, corrected, strict=True)
     ]

@@ -24,13 +24,14 @@ from runtime.experiments.analysis import (
 )
 from runtime.experiments.design import TuningSettings
 from runtime.experiments.execution import write_checked
-from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
+from runtime.experiments.tuning.judging import Evaluation, Judgement
 from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
 from runtime.experiments.tuning.running import TuningResult
 from runtime.experiments.tuning.scores import Candidate
 from runtime.terminal import number, table, with_unit
 
 NOTHING = "nothing that was tried is better than the graph's own values"
+NOT_DISTINGUISHABLE = "not distinguishable from the graph's own values"
 FEW = "few"
 
 
@@ -53,16 +54,10 @@ def to_dict(result: TuningResult) -> dict[str, Any]:
         "configurations": [_candidate_data(plan, one) for one in result.candidates],
         "front": [one.number for one in result.winners],
         "better": [one.number for one in result.better],
-        "table": [line.to_dict() for line in judgements(result)],
+        "verdicts": {str(number): verdict for number, verdict in result.verdicts.items()},
+        "table": [line.to_dict() for line in result.judgements],
         "wall_s": round(result.wall_s, 3),
     }
-
-
-def judgements(result: TuningResult) -> list[Judgement]:
-    """The baseline and the winners on both sets of runs; empty before the held-out runs."""
-    if not result.held_out:
-        return []
-    return judge(result.plan, result.candidates, result.winners, result.held_out)
 
 
 def _runs(plan: TuningPlan, key: str) -> dict[str, Any]:
@@ -114,25 +109,37 @@ def summary(result: TuningResult) -> str:
     lines += [f"  {note}" for note in edges(result)]
     if result.held_out:
         lines += ["", table(_rows(result), right=range(2, 8)), ""]
-        lines += [_legend(judgements(result), tuning)]
-        worse = [str(one.number) for one in result.winners if one not in result.better]
-        if not result.better:
-            lines += ["", f"on the held-out runs, {NOTHING}"]
-        elif worse:
-            lines += ["", f"on the held-out runs, not better than the baseline: {', '.join(worse)}"]
+        lines += [_legend(result.judgements, tuning), *_told(result)]
     return "\n".join(lines)
+
+
+def _told(result: TuningResult) -> list[str]:
+    """What the held-out runs say of the winners that they do not show to be better."""
+    found = result.verdicts
+    if set(found.values()) <= {"better"}:
+        return []
+    if "better" not in found.values():
+        is_worse = "not distinguishable" not in found.values()
+        return ["", f"on the held-out runs, {NOTHING if is_worse else NOT_DISTINGUISHABLE}"]
+    lines = [""]
+    for verdict, text in (
+        ("not distinguishable", NOT_DISTINGUISHABLE),
+        ("not better", "not better than the graph's own values"),
+    ):
+        named = [str(number) for number, one in found.items() if one == verdict]
+        lines += [f"on the held-out runs, {text}: {', '.join(named)}"] * bool(named)
+    return lines
 
 
 def _legend(lines: list[Judgement], tuning: TuningSettings) -> str:
     """Explanations of the table, as far as they are needed."""
     evaluations = [evaluation for line in lines for evaluation in (line.training, line.held_out)]
-    differences = [
-        evaluation.difference for evaluation in evaluations if evaluation.difference is not None
-    ]
+    differences = [each for line in lines if (each := line.held_out.difference) is not None]
     units = "conditions" if len(tuning.held_out.conditions) > 1 else "seeds"
     notes = [f"mean over the {units}; difference from the graph's own values on the same runs"]
     if any(not difference.is_same for difference in differences):
         notes[0] += f",\n{TESTS['auto']}, with 95 % intervals;\n* significant after {CORRECTION}"
+        notes[0] += ". Winners were chosen by the training runs,\nwhich are therefore not tested"
     notes[0] += ". overfit: training minus held-out."
     if any(evaluation.mean.is_same for evaluation in evaluations):
         notes.append(f"{SAME}: {SAME_RUNS}.")
@@ -176,7 +183,7 @@ def _rows(result: TuningResult) -> list[list[str]]:
     units = result.plan.units
     header = ["metric", "values", "training", "difference", "held out", "difference", "overfit"]
     rows = [header]
-    lines = judgements(result)
+    lines = result.judgements
     for metric in result.plan.tuning.metrics:
         never = result.plan.never.get(metric, NEVER)
         for line in lines:

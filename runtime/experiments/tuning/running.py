@@ -30,6 +30,7 @@ from runtime.experiments.execution import (
     run_trials,
     write_plan,
 )
+from runtime.experiments.tuning.judging import Judgement, Verdict, judge, verdicts
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
 from runtime.experiments.tuning.scores import Candidate, Scorer, front
@@ -57,15 +58,22 @@ class TuningResult:
     is_interrupted: bool = False
 
     @property
+    def judgements(self) -> list[Judgement]:
+        """The baseline and the winners on both sets of runs; empty before the held-out runs."""
+        if not self.held_out:
+            return []
+        return judge(self.plan, self.candidates, self.winners, self.held_out)
+
+    @property
+    def verdicts(self) -> dict[int, Verdict]:
+        """What the held-out runs say of each winner, by number."""
+        return verdicts(self.plan, self.held_out, self.judgements)
+
+    @property
     def better(self) -> list[Candidate]:
-        """The winners that are better than the graph's own values on the held-out runs, too."""
-        scores = {number: one.score for number, one in self.held_out.items()}
-        own = scores.get(BASELINE)
-        return [
-            one
-            for one in self.winners
-            if own is not None and (score := scores[one.number]) and score.improves_on(own)
-        ]
+        """The winners of which the held-out runs show that they are better."""
+        found = self.verdicts
+        return [one for one in self.winners if found.get(one.number) == "better"]
 
     @property
     def has_feasible(self) -> bool:

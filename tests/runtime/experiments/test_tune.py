@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import random
 import signal
@@ -26,8 +27,10 @@ from runtime.experiments.design import (
     TuningSettings,
     own_value,
     parse_factor,
+    read_experiment,
 )
 from runtime.experiments.execution import Row
+from runtime.experiments.tuning import tuning_plan
 from runtime.experiments.tuning.optimizer import Optimizer
 from runtime.experiments.tuning.scores import Candidate, Scorer, front
 from runtime.experiments.tuning.tuning_plots import importance
@@ -74,7 +77,12 @@ class TestTheCommand:
         for kind in ("training", "held_out"):
             apart = lines[winner][kind]["difference"]
             assert apart["mean"] == pytest.approx(level - 1.0)
-            assert apart["p"] == pytest.approx(2 / 2**6) and apart["distinguishable"]
+        assert apart["p"] == pytest.approx(2 / 2**6) and apart["distinguishable"]
+        assert found["better"] == [winner]
+        # The training runs have chosen it: neither a test nor an interval of them means anything.
+        chosen = lines[winner]["training"]
+        assert chosen["low"] is None and chosen["difference"]["p"] is None
+        assert lines[0]["training"]["low"] is not None
         noise = np.mean(list(map(normal, range(6)))) - np.mean(list(map(normal, range(10, 16))))
         assert lines[winner]["optimism"] == pytest.approx(noise)
         assert lines[0]["training"]["mean"] == pytest.approx(
@@ -251,6 +259,7 @@ class TestWriting:
         draw.write_text(f"# A comment\n{text}")
         done = here(
             *(*TUNE, "--vary", "params.gain=1..2", "--trials", "24", *QUIET, "--write"),
+            *("--held-out", "10..15"),
         )
         assert done.returncode == 0, done.stderr
         best = stored(draw.parent / "tunings" / "draw")
@@ -267,7 +276,13 @@ class TestWriting:
             "# Mine\nexperiment: mine\ngraph: draw.yaml  # beside it\nset:\n"
             "  params.gain: 3.0  # stays\nvary: {draw.level: '-5..5'}\ntrials: 4\n"
         )
-        done = here("tune", "exp.yaml", "-j", "1", "--seeds", "0", *QUIET, "--write")
+        runs = ("tune", "exp.yaml", "-j", "1", "--seeds", "0", *QUIET)
+        done = here(*runs, "--write")
+        # Three held-out seeds cannot show anything.
+        assert done.returncode == 1 and "draw.level:" not in path.read_text().partition("vary")[0]
+        assert "not distinguishable from the graph's own values" in done.stdout
+        assert "--force writes it nevertheless" in done.stderr
+        done = here(*runs, "--write", "--force", "--resume")
         assert done.returncode == 0, done.stderr
         best = stored(tmp_path / "tunings" / "mine")
         level = best["configurations"][best["front"][0]]["values"]["draw.level"]
@@ -350,7 +365,7 @@ def test_from_python(draw: Path, tmp_path: Path) -> None:
         constraints={"drawn": {"above": -1000, "below": 1e3}},
         trials=8,
         seeds=range(2),
-        conditions={"low": graph, "high": graph.set("draw.count", 5)},
+        conditions={f"plus {i}": graph.set("draw.count", i) for i in range(6)},
         held_out="10..11",
         jobs=1,
         folder=tmp_path / "found",
@@ -384,6 +399,54 @@ metrics:
   settled: {kind: settling_time, of: error.out, band: 0.2, hold: 0.0}
 """
 KNOWN_TUNE = ("--trials", "8", "-j", "1", "--no-plots", "-q", "--write")
+
+
+# The error is another number for each value and seed, with the same distribution for all values.
+NOISE = """
+graph: noise
+run: {dt: 0.01, until: 0.02}
+params: {p: 0.5}
+blocks:
+  seen: {type: RandomWalk, density: 1.0e-12}
+  error: {type: Function, expression: "2 + sin(1e6*p*(1 + 1e6*u[0]))/2", constants: {p: $p}}
+wires: {error: {u: seen.out}}
+metrics: {error: {kind: final, of: error.out}}
+"""
+
+
+class TestNoise:
+    """Where nothing differs, the winner of the training runs is luck."""
+
+    def test_a_lucky_winner_is_not_distinguishable_and_not_written(
+        self, here: Run, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "noise.yaml"
+        path.write_text(NOISE)
+        tune = ("tune", "noise.yaml", "--vary", "params.p=0..1", "--trials", "12", "-j", "1")
+        done = here(*tune, "--held-out", "100..119", "--no-plots", "-q", "--write")
+        assert done.returncode == 1 and path.read_text() == NOISE
+        assert "on the held-out runs, not distinguishable from the graph's own" in done.stdout
+        assert "written nothing: the winner is not distinguishable" in done.stderr
+        found = stored(tmp_path / "tunings" / "noise")
+        assert found["better"] == [] and set(found["verdicts"].values()) == {"not distinguishable"}
+        report = here("report", "tunings/noise")
+        assert report.returncode == 0, report.stderr
+        page = (tmp_path / "tunings" / "noise" / "report.html").read_text()
+        assert "not distinguishable from the graph" in page
+        done = here("tune", "noise.yaml", "--vary", "params.p=0..1", "--force")
+        assert done.returncode == 2 and "nothing to force" in done.stderr
+
+    def test_a_failed_run_is_the_worst_where_more_is_better(
+        self, draw: Path, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "exp.yaml"
+        path.write_text(
+            "experiment: e\ngraph: draw.yaml\nvary: {draw.level: 0..1}\nmaximize: drawn\n"
+            "constraints: [total above 0, above_two below 3]\n"
+        )
+        plan = tuning_plan(read_experiment(path))
+        found = {metric: plan.worst(metric) for metric in plan.metrics}
+        assert found == {"drawn": -math.inf, "total": -math.inf, "above_two": math.inf}
 
 
 class TestTheGraphsOwnValues:
