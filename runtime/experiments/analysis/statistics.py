@@ -60,8 +60,10 @@ class Margin:
     is_share: bool = False
 
     @classmethod
-    def of(cls, written: float | str) -> Margin:
+    def of(cls, written: Margin | float | str) -> Margin:
         """From an entry such as ``0.001`` or ``5%``."""
+        if isinstance(written, Margin):
+            return written
         if isinstance(written, str):
             return cls(float(written.removesuffix("%")) / 100.0, True)
         return cls(written)
@@ -94,9 +96,6 @@ class Margin:
         if not self.is_share or is_log:
             return self.size
         return self.size * abs(float(known.mean())) if len(known) else 0.0
-
-
-NO_MARGIN = Margin()
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ def difference(
     *,
     is_same: bool = False,
     is_skewed: bool | None = None,
-    margin: Margin = NO_MARGIN,
+    margin: Margin | float | str = 0.0,
 ) -> PairedDifference:
     """The difference ``values - baseline`` over the seeds on which both have a value.
 
@@ -213,11 +212,12 @@ def difference(
         infinity for one that is never reached, or that of a run that failed.
     is_same : both sides repeat one run with every seed; there is nothing to test.
     is_skewed : whether ``auto`` takes ranks; by default, whether the values look skewed.
-    margin : the smallest difference that counts.
+    margin : the smallest difference that counts, as :meth:`Margin.of` takes it.
 
     Of fewer pairs than the test needs there is no interval, and by t no p value: the scatter of two
     pairs is one number.
     """
+    margin = Margin.of(margin)
     if is_same:
         values, baseline = values[:1], baseline[:1]
     pairs = [(a, b) for a, b in zip(values, baseline, strict=True) if None not in (a, b)]

@@ -119,8 +119,7 @@ def judge(
 
 def _chosen_by(seen: Evaluation) -> Evaluation:
     """The training runs of a winner, which has been chosen by them: no interval and no test."""
-    gone = {"low": math.nan, "high": math.nan}
-    mean, paired = replace(seen.mean, **gone), seen.difference
+    mean, paired = replace(seen.mean, low=math.nan, high=math.nan), seen.difference
     if paired is not None:
         mean_only = (paired.n, paired.mean, math.nan, math.nan, paired.never, paired.is_same)
         paired = PairedDifference(*mean_only, pairs=paired.pairs, scale=paired.scale)
