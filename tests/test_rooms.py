@@ -40,7 +40,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.document",),
     ("runtime.network",),
     ("runtime.observation", "runtime.descriptions"),
-    ("runtime.compiler",),
+    ("runtime.compiler", "runtime.memory"),
     ("runtime.plan",),
     ("runtime.engine", "runtime.checking"),
     ("runtime.engine.compiled",),

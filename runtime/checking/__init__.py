@@ -6,4 +6,4 @@ method that the compiled engine calls from Python::
     check_block(Backlash(width=0.2))
 """
 
-from runtime.checking.check import CheckError, NotCompiledWarning, check_block
+from runtime.checking.check import CheckError, NotCompiledWarning, NotCopiedWarning, check_block

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from blocks.core import Block, BlockContext, BlockState, Evaluation, FloatArray, SignalType
+from runtime.memory import NotCopiedError, Record, SharedPlaces
 
 OUTSIDE = "draw random numbers from state.rng, and keep what changes in a State of the class"
 
@@ -73,6 +74,22 @@ class Bench:
         state = self._state(seed)
         self._guard("start", functools.partial(self.block.start, state))
         return state
+
+    def not_copied(self) -> str:
+        """What the block keeps beside its declared states and cannot be copied; '' if all can."""
+        state = self.started()
+        outer = {id(each): each for each in (self.block, state, state.context, state.context.world)}
+        record = Record(outer, np.zeros(0))
+        places = SharedPlaces(frozenset((type(self.block).__module__.partition(".")[0],)))
+        try:
+            for name, value in vars(state).items():
+                if name not in ("context", "published"):
+                    record.add(value, f"state.{name}")
+            for place in places.of(type(self.block)):
+                record.add(place.value, place.label, shared=True)
+        except NotCopiedError as error:
+            return str(error)
+        return ""
 
     def _resumed(self, old: BlockState, seed: int) -> BlockState:
         state = self.started(seed)

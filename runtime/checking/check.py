@@ -18,13 +18,14 @@ from blocks.core import (
     SignalType,
     hint,
 )
+from blocks.registry import is_built_in
 from runtime.checking.bench import OUTSIDE, Bench, CheckError
 from runtime.compiler import refusals
 
 if TYPE_CHECKING:
     from blocks.world import World
 
-__all__ = ["CheckError", "NotCompiledWarning", "check_block"]
+__all__ = ["CheckError", "NotCompiledWarning", "NotCopiedWarning", "check_block"]
 
 LENGTH = 3
 TERMS = (2, 1, *range(3, 10), 0)
@@ -45,7 +46,8 @@ def check_block(
     other, and a run that resumes from its declared states continues identically.
 
     What the compiled engine cannot compile is no broken rule, since it calls it from Python, which
-    is slower: a :class:`NotCompiledWarning` lists it with file, line and a suggestion.
+    is slower: a :class:`NotCompiledWarning` lists it with file, line and a suggestion. Memory that
+    cannot be copied, such as an open file, is a warning, too.
 
     Parameters
     ----------
@@ -77,6 +79,14 @@ def check_block(
         list(replace(bench, ticks=1, open_inputs=True).run(seed=0, careful=True))
     for reason in refusals(block, bench.started(), bench.context):
         warnings.warn(f"{name}.{reason}", NotCompiledWarning, stacklevel=2)
+    why = "" if is_built_in(type(block)) else bench.not_copied()
+    if why:
+        text = f"{name} {why}: such a block is not compared, not branched and not checkpointed"
+        warnings.warn(text, NotCopiedWarning, stacklevel=2)
+
+
+class NotCopiedWarning(UserWarning):
+    """A block keeps memory that cannot be copied."""
 
 
 class NotCompiledWarning(UserWarning):

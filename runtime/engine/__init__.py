@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried, same_value
+    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import BetweenTicks, Interrupts, stoppable
     from runtime.engine.point import Offsets, Point, Watched, labels
@@ -22,6 +22,5 @@ if TYPE_CHECKING:
     from runtime.engine.repeating import begin_again
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
-    from runtime.engine.state import NotCopiedError
 else:
     __getattr__ = door(__name__)

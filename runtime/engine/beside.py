@@ -177,10 +177,8 @@ class Beside:
             name = f"{block}.{slot.name}"
             found[f"state '{slot.name}'"] = after.array(name), self.state.arrays[name]
         # A kernel leaves other numbers in what its method uses as scratch memory.
-        apart = {} if has_kernels(self.network.entries[block].cls) else after.apart
-        for name, (array, copy) in apart.items():
-            owner, _, key = name.rpartition(".")
-            if owner == block:
+        if after.own is not None and not has_kernels(self.network.entries[block].cls):
+            for key, array, copy in after.own.apart(block):
                 found[f"state.{key}"] = copy, array
         return found
 

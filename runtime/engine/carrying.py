@@ -12,7 +12,6 @@ not touched since, such as the gains of neurons, follows the graph's new paramet
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -24,6 +23,7 @@ from blocks.core import FloatArray
 from runtime.engine.engine import Engine
 from runtime.engine.recorder import Saved
 from runtime.engine.state import Begun, RunState
+from runtime.memory import alike
 from runtime.observation import Probe
 from runtime.plan import Port
 
@@ -54,15 +54,25 @@ class Carried:
     notes: tuple[str, ...] = ()
 
 
-def carried(engine: Engine) -> Carried:
-    """What another engine needs to go on."""
+def carried(engine: Engine, moves: bool = False) -> Carried:
+    """What another engine needs to go on.
+
+    Parameters
+    ----------
+    moves : whether this engine is of no use afterwards, so that what runs share is the other's.
+
+    Raises
+    ------
+    NotCopiedError : an own block keeps what cannot be copied.
+    """
     state = engine.state
+    state.own_state.check_shared(moves)
     return Carried(
         state.tick,
         state.copies(),
         {signal.key: value for signal, value in zip(engine.plan.held, state.held, strict=True)},
         state.drawn(),
-        {name: state.own_copies(name) for name in state.own},
+        {name: state.own_state.copies(name) for name in state.own},
         engine.recorder.saved(state.tick),
         None if engine.log is None else engine.log.copy(),
         None if engine.exact is None else engine.exact.python_from,
@@ -75,13 +85,13 @@ def adopt(engine: Engine, given: Carried) -> None:
     state = engine.state
     for name, array in state.arrays.items():
         array[...] = given.arrays[name]
+    state.set_drawn(given.generators)  # first, since other memory may refer to a generator
     for name in state.own:
         own = given.own.get(name, {})
-        for key in state.undeclared(name) - own.keys():
+        for key in state.own_state.undeclared(name) - own.keys():
             if f"{name}.{key}" not in given.generators:
                 delattr(state.blocks[name], key)
-        _take_own(state, name, own)
-    state.set_drawn(given.generators)
+        state.own_state.take(name, own)
     _go_on(engine, given)
     engine.recorder.restore(given.recording)
     engine.is_checked = given.tick > 0
@@ -108,10 +118,8 @@ def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
             _take(state.arrays[f"{name}.{key}"], f"{name}.{key}", given, before.begun)
         taken.append(name)
         first = before.begun.own.get(name, {})
-        moved = {
-            k: v for k, v in given.own.get(name, {}).items() if not same_value(v, first.get(k))
-        }
-        _take_own(state, name, moved)
+        moved = {k: v for k, v in given.own.get(name, {}).items() if not alike(v, first.get(k))}
+        state.own_state.take(name, moved)
         engine.starting.guard(name, partial(entry.block.resume, state.blocks[name]))
     drawn = state.drawn()
     for key, bits in given.generators.items():
@@ -139,18 +147,6 @@ def _take(array: FloatArray, name: str, given: Carried, first: Begun) -> None:
     now, start = given.arrays[name], first.arrays[name]
     if now.tobytes() != start.tobytes() or array.tobytes() == start.tobytes():
         array[...] = now
-
-
-def _take_own(state: RunState, name: str, values: Mapping[str, Any]) -> None:
-    """Put undeclared values in place: in arrays that are there, which others may refer to."""
-    held = vars(state.blocks[name])
-    for key, value in copy.deepcopy(dict(values)).items():
-        there = held.get(key)
-        both = isinstance(there, np.ndarray) and isinstance(value, np.ndarray)
-        if both and there.shape == value.shape and there.flags.writeable:  # type: ignore[union-attr]
-            there[...] = value  # type: ignore[index]
-        else:
-            setattr(state.blocks[name], key, value)
 
 
 def _go_on(engine: Engine, given: Carried) -> None:
@@ -215,13 +211,3 @@ def _same_probes(engine: Engine, before: Engine, rows: Saved) -> Saved:
 def _meaning(probe: Probe) -> Any:
     signals = tuple((s.address, str(s.kind), s.labels) for s in probe.signals)
     return signals, probe.every, str(probe.synapse), probe.shape
-
-
-def same_value(one: Any, other: Any) -> bool:
-    """Whether two values are equal; of values that cannot be compared, whether they are one."""
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return type(one) is type(other) and one.tobytes() == other.tobytes()
-    try:
-        return one is other or bool(one == other)
-    except Exception:  # noqa: BLE001 -- comparing runs code of the object
-        return False

@@ -43,12 +43,13 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.starting import Start, described
-from runtime.engine.state import Begun, Held, NotCopiedError, RunState, Snapshot
+from runtime.engine.state import Begun, Held, RunState, Snapshot
 from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
 )
 from runtime.errors import Problem, SimulationError, UsageError
+from runtime.memory import NotCopiedError
 from runtime.network import Network
 from runtime.plan import Plan
 

@@ -10,6 +10,7 @@ states as they are. The outputs that it depends on are computed in Python, each 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
 from types import CodeType
 from typing import Any
@@ -18,6 +19,7 @@ from blocks.registry import is_built_in
 from runtime.engine.engine import Engine
 from runtime.engine.naming import Names
 from runtime.engine.program import FILENAME
+from runtime.memory import NotCopiedError
 from runtime.plan import Call, Operation, Plan, Signal, Solve, Source, Test, Zero
 
 
@@ -51,11 +53,14 @@ class Reader:
         if self._is_pure:
             values: Sequence[Any] = self._function(state.tick, state.tick + 1, state.held)
             return values
-        # What an own block keeps undeclared is left alone: a copy that is put back would not be
-        # what other attributes refer to, and an output changes no memory (blocks.core.Block).
         memory, generators = state.memory.copy(), state.drawn()
+        own = None
+        with suppress(NotCopiedError):  # an output should change no memory (blocks.core.Block)
+            own = state.own_state.kept(state.compiled)
         values = self._function(state.tick, state.tick + 1, state.held)
         state.memory[:] = memory
+        if own is not None:
+            state.own_state.restore(own)
         state.set_drawn(generators)
         return values
 

@@ -49,6 +49,7 @@ def begin_again(
     for name, block in blocks.items():
         entries[name] = replace(entries[name], block_or_none=block)
     network = before.changed(entries=entries, seed=seed)
+    state.own_state.begin_again(entries)
     anew = [n for n, each in entries.items() if each.block is not before.entries[n].block]
     changed = set(anew)
     if seed != state.seed:
@@ -75,7 +76,7 @@ def _forget(state: RunState, name: str, own_seed: int | None) -> None:
     """Put a block's state back to what it is before ``start``."""
     block = state.blocks[name]
     held = vars(block)
-    for key in (state.undeclared(name) | {"rng"}) & held.keys():
+    for key in (state.own_state.undeclared(name) | {"rng"}) & held.keys():
         del held[key]
     for key in held["_declared"]:
         held[key][...] = 0.0

@@ -23,7 +23,8 @@ from typing import Any
 from runtime.engine.beside import Beside
 from runtime.engine.events import FOUND
 from runtime.engine.runners import CompiledError, CompiledPlan, Run
-from runtime.engine.state import Held, NotCopiedError, RunState, Snapshot
+from runtime.engine.state import Held, RunState, Snapshot
+from runtime.memory import NotCopiedError
 
 
 @dataclass

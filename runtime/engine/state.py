@@ -6,18 +6,15 @@ code holds, and generators stay the objects that blocks have.
 
 Everything that changes is in declared states, the blocks' generators, the solver's control, the
 search for a stop, the variables that outlive a tick, and the numbers of a compiled plan. A block of
-the user's own may keep more, against the rules that :func:`runtime.check_block` checks: whatever
-else is in its state is copied, too. Recorded rows are none of it: a tick writes its own rows.
+the user's own may keep more, against the rules that :func:`runtime.check_block` checks: that is in
+the snapshot, too, see :mod:`.own_state`. Recorded rows are none of it: a tick writes its own rows.
 """
 
 from __future__ import annotations
 
-import copy
 import hashlib
 import math
-import types
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -27,6 +24,7 @@ from blocks.core import BlockState, FloatArray
 from blocks.registry import is_built_in
 from runtime.engine.events import BEFORE, SEARCH
 from runtime.engine.loops import memory_shape
+from runtime.engine.own_state import Kept, OwnState
 from runtime.engine.program import Program
 from runtime.engine.solvers import controls
 from runtime.network import Network
@@ -36,16 +34,6 @@ Held = tuple[Any, ...]
 Array = np.ndarray[Any, Any]
 Layout = dict[str, tuple[int, tuple[int, ...]]]
 LINE = 8  # the numbers of a cache line
-Restored = Callable[[], None]
-# What an engine gives every block, and what cannot change.
-GIVEN = frozenset(("_declared", "context", "dt", "seed", "is_seed_read", "published"))
-FIXED: tuple[type, ...] = (int, float, complex, str, bytes, type(None), np.generic)
-FIXED += (type, types.FunctionType, types.BuiltinFunctionType, types.ModuleType)
-FIXED += (np.random.SeedSequence,)
-
-
-class NotCopiedError(Exception):
-    """A block keeps something that cannot be copied: the text says where and why."""
 
 
 def seed_of(seed: int, name: str) -> np.random.SeedSequence:
@@ -79,9 +67,8 @@ class Snapshot(NamedTuple):
     """What a run's state was before a tick: a copy that belongs to the run it was taken of.
 
     memory : a copy of :attr:`RunState.memory`; ``numbers`` of the compiled plan's, if there is one.
-    apart : arrays that own blocks keep undeclared, by ``block.attribute``, with their copies.
     generators : the states of bit generators, by ``block.attribute``.
-    others : what puts back the rest of the states of own blocks.
+    own : what own blocks keep undeclared; None without own blocks.
     """
 
     tick: int
@@ -89,9 +76,8 @@ class Snapshot(NamedTuple):
     memory: FloatArray
     numbers: Array | None
     layout: Layout
-    apart: Mapping[str, tuple[Array, Array]]
     generators: Mapping[str, Mapping[str, Any]]
-    others: tuple[Restored, ...]
+    own: Kept | None
 
     def array(self, name: str) -> FloatArray:
         """One of :attr:`RunState.arrays` as it was."""
@@ -111,8 +97,8 @@ class Begun:
 class RunState:
     """The state of one run of a program.
 
-    ``blocks`` are the states by block; ``own`` names the blocks that are not built in, and
-    ``compiled`` those that are compiled, of which only arrays and generators can move.
+    ``blocks`` are the states by block; ``own`` names the blocks that are not built in, of which
+    ``own_state`` has what they keep undeclared, and ``compiled`` those that are compiled.
     ``held`` are the variables that go into the next tick, as the runner has them; ``stop`` says
     whether and where ``run.stop`` ended the run. ``memory`` has the numbers of all ``arrays``,
     which are by ``block.state`` or by ``run/name``; so a copy of all is one. ``continuous`` is the
@@ -134,6 +120,7 @@ class RunState:
     continuous: FloatArray = field(init=False)
     stop: FloatArray = field(init=False)
     own: set[str] = field(init=False)
+    own_state: OwnState = field(init=False)
     compiled: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
@@ -162,6 +149,7 @@ class RunState:
         self._place = {name: (m, i) for m in self.rows for i, name in enumerate(m)}
         self.blocks = {name: self._block(name) for name in entries}
         self.own = {name for name, entry in entries.items() if not is_built_in(entry.cls)}
+        self.own_state = OwnState(self.program, self.blocks, self.own, self.memory)
 
     def _allocate(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
         """One memory for all arrays, each from a cache line of its own on."""
@@ -218,17 +206,10 @@ class RunState:
         ------
         NotCopiedError : an own block keeps something that cannot be copied.
         """
-        apart: dict[str, tuple[Array, Array]] = {}
-        others: tuple[Restored, ...] = ()
-        if self.own:
-            apart = {f"{n}.{key}": (a, a.copy()) for n in self.own for key, a in self._apart(n)}
-            others = tuple(map(self._others, sorted(self.own - self.compiled)))
-        generators = self.drawn()
+        own = self.own_state.kept(self.compiled) if self.own else None
         numbers = None if self.numbers is None else self.numbers.copy()
         memory = self.memory.copy()
-        return Snapshot(
-            *(self.tick, self.held, memory, numbers, self.layout, apart, generators, others)
-        )
+        return Snapshot(self.tick, self.held, memory, numbers, self.layout, self.drawn(), own)
 
     def restore(self, saved: Snapshot) -> None:
         """Put back what a snapshot of this run holds; it may be restored again."""
@@ -236,10 +217,8 @@ class RunState:
         self.memory[:] = saved.memory
         if self.numbers is not None and saved.numbers is not None:
             self.numbers[...] = saved.numbers
-        for put_back in saved.others:
-            put_back()
-        for array, numbers in saved.apart.values():
-            array[...] = numbers
+        if saved.own is not None:
+            self.own_state.restore(saved.own)
         self.set_drawn(saved.generators)
 
     def set_drawn(self, generators: Mapping[str, Mapping[str, Any]]) -> None:
@@ -263,34 +242,11 @@ class RunState:
 
     def begun(self) -> Begun:
         """A copy of the state before the first tick, by names."""
-        own: dict[str, Mapping[str, Any]] = {}
-        for name in self.own:
-            with suppress(NotCopiedError):  # said where a copy is asked for
-                own[name] = self.own_copies(name)
-        return Begun(self.copies(), own)
+        return Begun(self.copies(), self.own_state.begun(self.compiled))
 
     def copies(self) -> dict[str, FloatArray]:
         """Copies of the arrays, by name."""
         return {name: array.copy() for name, array in self.arrays.items()}
-
-    def own_copies(self, name: str) -> dict[str, Any]:
-        """A copy of what an own block keeps undeclared, but for generators.
-
-        Raises
-        ------
-        NotCopiedError : something cannot be copied.
-        """
-        held = vars(self.blocks[name])
-        keys = self.undeclared(name)
-        kept = {k: held[k] for k in keys if not isinstance(held[k], np.random.Generator)}
-        try:
-            # Together, so that two that refer to the same object still do.
-            return copy.deepcopy(kept)
-        except Exception as error:  # copying runs code of the object
-            raise NotCopiedError(
-                f"block '{name}' keeps undeclared what cannot be copied ({error}); declare it as a "
-                "State, or keep numbers and arrays"
-            ) from error
 
     def drawn(self) -> dict[str, Mapping[str, Any]]:
         """The states of all bit generators, by ``block.attribute``."""
@@ -310,50 +266,3 @@ class RunState:
         held = vars(self.blocks[name])
         keys = held if name in self.own else ("rng",) if "rng" in held else ()
         return {key: held[key] for key in keys if isinstance(held[key], np.random.Generator)}
-
-    def _apart(self, name: str) -> Iterator[tuple[str, Array]]:
-        """The arrays in a block's state that nothing declares, and that can be written to."""
-        for key in self.undeclared(name):
-            value = getattr(self.blocks[name], key)
-            if isinstance(value, np.ndarray) and value.flags.writeable and not _is_copied(value):
-                yield key, value
-
-    def undeclared(self, name: str) -> set[str]:
-        """The attributes of a block's state that nothing declares."""
-        declared = {state.name for state in self.program.plan.states[name]}
-        return vars(self.blocks[name]).keys() - declared - GIVEN - {"rng"}
-
-    def _others(self, name: str) -> Restored:
-        """What puts back the undeclared attributes of a block's state."""
-        held, undeclared = vars(self.blocks[name]), self.undeclared(name)
-        found = {key: held[key] for key in undeclared}
-        loose = {key: value for key, value in found.items() if _is_copied(value)}
-        # What belongs to the run stays the same object where a copied one refers to it.
-        run = [value for key, value in held.items() if key not in loose]
-        run += [self.program.network.entries[name].block, held["context"].world]
-        memo = {id(value): value for value in run}
-        for key, value in loose.items():
-            try:
-                loose[key] = copy.deepcopy(value, memo)
-            except Exception as error:  # copying runs code of the object
-                raise NotCopiedError(
-                    f"block '{name}' keeps in state.{key} what cannot be copied "
-                    f"({type(value).__name__}: {error})"
-                ) from error
-
-        def restored() -> None:
-            for key in self.undeclared(name) - found.keys():
-                del held[key]
-            # Copied again, so that a snapshot can be restored twice.
-            held.update(found | copy.deepcopy(loose, dict(memo)))
-
-        return restored
-
-
-def _is_copied(value: Any) -> bool:
-    """Whether a value can only be put back as a copy."""
-    if isinstance(value, tuple):
-        return any(isinstance(part, np.ndarray) or _is_copied(part) for part in value)
-    if isinstance(value, np.ndarray):
-        return bool(value.dtype.hasobject)
-    return not isinstance(value, (*FIXED, np.random.Generator))

@@ -28,15 +28,14 @@ from blocks.core import FloatArray
 from runtime.engine import (
     Carried,
     Engine,
-    NotCopiedError,
     Outcome,
     Saved,
     adopt,
     carried,
-    same_value,
 )
 from runtime.errors import UsageError
 from runtime.files import sha256, write_whole
+from runtime.memory import NotCopiedError, alike
 from runtime.observation import RunData
 from runtime.plan import Port
 from runtime.runs.folder import CHECKPOINT, RESOLVED, read_arrays
@@ -181,7 +180,7 @@ def _own(
     for block, values in given.own.items():
         for key, value in values.items():
             # What `start` computes anew, and the run has not changed, need not be stored.
-            if same_value(value, engine.begun.own.get(block, {}).get(key)):
+            if alike(value, engine.begun.own.get(block, {}).get(key)):
                 continue
             if isinstance(value, np.ndarray) and value.dtype == np.float64:
                 arrays[f"own/{block}.{key}"] = value

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -24,13 +25,13 @@ from runtime.engine import (
     BetweenTicks,
     Carried,
     Engine,
-    NotCopiedError,
     adopt,
     adopt_changed,
     carried,
 )
 from runtime.errors import SimulationError, UsageError
 from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.memory import NotCopiedError
 from runtime.network import Network
 from runtime.runs import (
     Pacing,
@@ -60,6 +61,7 @@ class ChangeableGraph(Protocol):
 
 # The methods that are logged; all but the first are those of a graph.
 SESSION, CHANGES, GRAPH, RUN, VERSION = "session.json", "log.jsonl", "graph.yaml", "run", 3
+_T = TypeVar("_T")
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
 
 
@@ -165,7 +167,9 @@ class Session:
         self._check()
         if not isinstance(ticks, (int, np.integer)) or ticks < 0:
             raise UsageError(f"expected a number of ticks of at least 0, got {ticks!r}")
-        last = self._engine.state.tick + int(ticks)
+        last, own = self._engine.state.tick + int(ticks), self._engine.state.own_state
+        if own.left is not None:
+            _copied(own.check_left)
         if last > self._engine.network.ticks:
             self._extend(last)
         try:
@@ -178,6 +182,9 @@ class Session:
             self._failed = error
             error.result = self.result()
             raise
+        finally:
+            if own.left is not None:
+                self._engine.state.own_state.leave()
 
     def _check(self) -> None:
         """Raise the failure that left a tick half done; a snapshot can be restored."""
@@ -298,8 +305,12 @@ class Session:
 
     def _move_to(self, graph: ChangeableGraph) -> None:
         """Go on in an engine for a changed graph; nothing changes if it cannot start."""
-        engine, before = self._prepared(graph), self._engine
-        adopt_changed(engine, before, _carried(before))
+        before = self._engine
+        given = _copied(partial(carried, before, moves=True))
+        shared = _copied(before.state.own_state.shared_now)
+        engine = self._prepared(graph)  # which starts blocks: what they share begins again
+        adopt_changed(engine, before, given)
+        engine.state.own_state.restore(shared)
         self._graph = graph
         self._begin(engine)
 
@@ -308,7 +319,7 @@ class Session:
     def snapshot(self) -> SessionSnapshot:
         """The present state, recordings included."""
         self._check()
-        given = _carried(self._engine)
+        given = _copied(partial(carried, self._engine))
         return SessionSnapshot(
             self.t, self.first, self.graph, self._engine, given, self._log.copy()
         )
@@ -321,6 +332,7 @@ class Session:
         same = saved.graph is self.graph and saved.engine is self._engine
         engine = saved.engine if same else self._prepared(saved.graph)
         adopt(engine, saved.carried)
+        saved.engine.state.own_state.restore_shared()
         self._graph, self._log = saved.graph, saved.log.copy()
         self._unwritten.clear()
         self._begin(engine)
@@ -333,6 +345,8 @@ class Session:
         other._log, other._graph, other._unwritten = saved.log, saved.graph, {}
         engine = self._prepared(saved.graph)
         adopt(engine, saved.carried)
+        for each in (self._engine, engine):
+            each.state.own_state.leave()
         other._begin(engine)
         return other
 
@@ -406,9 +420,10 @@ class Session:
         self._failed = None
 
 
-def _carried(engine: Engine) -> Carried:
+def _copied(call: Callable[[], _T]) -> _T:
+    """What a call returns that copies memory of blocks."""
     try:
-        return carried(engine)
+        return call()
     except NotCopiedError as error:
         raise UsageError(str(error)) from None
 

@@ -81,12 +81,18 @@ def _values(texts: list[str]) -> dict[str, Any]:
 def _checked(cls: type[Block], values: dict[str, Any]) -> dict[str, Any]:
     """What is wrong with a block, and which of its methods are called from Python, and why."""
     from blocks.core import ParameterError
-    from runtime.checking import CheckError, NotCompiledWarning, check_block
+    from runtime.checking import CheckError, NotCompiledWarning, NotCopiedWarning, check_block
 
     given = {name: value for name, value in values.items() if name in cls.spec.params}
-    facts: dict[str, Any] = {"status": "fine", "problems": [], "called_from_python": []}
+    facts: dict[str, Any] = {
+        "status": "fine",
+        "problems": [],
+        "called_from_python": [],
+        "not_copied": [],
+    }
     with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", NotCompiledWarning)
+        for kind in (NotCompiledWarning, NotCopiedWarning):
+            warnings.simplefilter("always", kind)
         try:
             check_block(cls(**given))
         except CheckError as error:
@@ -96,6 +102,8 @@ def _checked(cls: type[Block], values: dict[str, Any]) -> dict[str, Any]:
             return facts | {"status": "not checked", "problems": problems}
     refused = [each for each in caught if issubclass(each.category, NotCompiledWarning)]
     facts["called_from_python"] = [str(each.message) for each in refused]
+    kept = [each for each in caught if issubclass(each.category, NotCopiedWarning)]
+    facts["not_copied"] = [str(each.message) for each in kept]
     return facts
 
 
@@ -104,5 +112,6 @@ def _lines(facts: dict[str, Any]) -> list[str]:
         return [*facts["problems"], "give parameters as in --set width=0.2"]
     if facts["problems"]:
         return list(facts["problems"])
-    refused = facts["called_from_python"]
-    return ["called from Python by the compiled engine:", *refused] if refused else [COMPILES]
+    refused, kept = facts["called_from_python"], facts["not_copied"]
+    found = ["called from Python by the compiled engine:", *refused] if refused else [COMPILES]
+    return [*found, *kept]
