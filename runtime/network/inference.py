@@ -162,6 +162,9 @@ class _Inference:
             for wire in wires
             if wire.block in bindings and wire.source.block in bindings and self.has_component(wire)
         ]
+        # Of each input that takes components of any signals: the wires that are not counted yet,
+        # and the components of the others.
+        self.unread: dict[tuple[str, str], tuple[deque[Wire], int]] = {}
 
     def has_component(self, wire: Wire) -> bool:
         kind = _resolve(self.out(wire), self.bindings[wire.source.block])
@@ -185,15 +188,22 @@ class _Inference:
 
     def width(self, wire: Wire) -> int:
         """The number of components that arrive at such an input; 0 if it is not known yet."""
-        total = 0
-        for other in self.network.into[wire.block]:
-            if other.port == wire.port:
-                is_valid = other.source.block in self.bindings
-                kind = _concrete(self.arriving(other)) if is_valid else None
-                if kind is None or len(kind.shape) > 1:
-                    return 0
-                total += kind.shape[0] if kind.shape else 1
-        return total
+        key = wire.block, wire.port
+        if key not in self.unread:
+            into = self.network.into[wire.block]
+            self.unread[key] = deque(w for w in into if w.port == wire.port), 0
+        # What is known stays known: counting starts where it ended, or each of a thousand wires
+        # would count all of them.
+        others, total = self.unread[key]
+        while others:
+            is_valid = others[0].source.block in self.bindings
+            kind = _concrete(self.arriving(others[0])) if is_valid else None
+            if kind is None or len(kind.shape) > 1:
+                break
+            others.popleft()
+            total += kind.shape[0] if kind.shape else 1
+        self.unread[key] = others, total
+        return 0 if others else total
 
     def declared_by_part(self, wire: Wire) -> SignalType | None:
         """The type that the outermost part on a wire's way declares for its source."""
@@ -292,8 +302,8 @@ class _Inference:
         source, target = self.bindings[wire.source.block], self.bindings[wire.block]
         spread = self.spread(wire)
         if spread:
-            width = self.width(wire)
-            if width and spread not in target.lengths:
+            width = 0 if spread in target.lengths else self.width(wire)
+            if width:
                 target.lengths[spread] = width
                 changed.append(wire.block)
                 self.derive(wire.block)

@@ -84,9 +84,12 @@ def _of_blocks(network: Network) -> Iterator[_Open]:
 
 def _of_parts(network: Network) -> Iterator[_Open]:
     """Inputs of parts; those that are connected are among the settled ones."""
+    alive: set[str] = set()  # the parts with blocks that are left
+    for part in network.entries:
+        while (part := part.rpartition(".")[0]) and part not in alive:
+            alive.add(part)
     for scope in network.scope.walk():
-        alive = any(name.startswith(scope.prefix) for name in network.entries)
-        if scope.parent is not None and alive:
+        if scope.parent is not None and scope.prefix[:-1] in alive:
             for name, node in scope.inputs.items():
                 if not (is_optional(node) or has_default(node)):
                     kind = network.part_inputs.get(scope.prefix + name)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -192,3 +194,42 @@ def test_an_index_of_the_graph_around_is_not_that_of_the_copies() -> None:
     with pytest.raises(GraphError, match="there is no param 'index'"):
         inner = {key: value for key, value in plain["blocks"]["many"].items() if key != "repeat"}
         runtime.load({**plain, "params": {}, "blocks": {"many": inner}}).check()
+
+
+def test_checking_is_linear_in_the_copies(tmp_path: Path) -> None:
+    def calls(copies: int) -> int:
+        """The calls of functions that checking takes, C ones included."""
+        path = tmp_path / f"{copies}.yaml"
+        path.write_text(
+            f"""
+graph: g
+run: {{dt: 0.01, until: 1.0}}
+blocks:
+  u: {{type: Constant, value: 1.0}}
+  parts:
+    repeat: {copies}
+    share: [x]
+    inputs: {{x: Scalar}}
+    outputs: {{y: b.out}}
+    blocks: {{a: {{type: Gain, gain: 0.9}}, b: {{type: Gain, gain: 0.9}}}}
+    wires: {{a: {{input: inputs.x}}, b: {{input: a.out}}}}
+wires: {{parts: {{x: u.value}}}}
+probes: {{y: parts.y}}
+"""
+        )
+        graph, count = runtime.load(path), 0
+
+        def counted(frame: FrameType, event: str, _: object) -> None:
+            nonlocal count
+            count += event in ("call", "c_call")
+
+        sys.setprofile(counted)
+        try:
+            graph.check()
+        finally:
+            sys.setprofile(None)
+        return count
+
+    calls(5)  # imports, and what is computed once
+    few, many = calls(50), calls(200)
+    assert many < 4.4 * few
