@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
 
-from blocks.core.expression_values import Value, Writer, called, literal, nested, number, vector
+from blocks.core.expression_values import Value, Writer, called, literal, number, vector
 
 MAX_SIDE = 64  # of a matrix that is inverted: n^3 operations
 MAX_PRODUCTS = 256  # of a matrix product that is written out; larger ones are loops
@@ -198,7 +198,8 @@ def _all(writer: Writer, arguments: list[Value], name: str) -> Value:
     if not parts:
         raise ShapeError(f"'{name}' of nothing")
     if name in ("min", "max"):
-        return number(nested("lesser" if name == "min" else "greater", parts))
+        function = "lesser" if name == "min" else "greater"
+        return number(writer.folded(lambda a, b: called(function, a, b), parts))
     if name == "norm":
         total = writer.total([called("square", part) for part in parts])
         return number(called("math.sqrt", total))

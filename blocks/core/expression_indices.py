@@ -60,9 +60,14 @@ class Indices(ABC):
 
     def whole(self, node: ast.expr, depth: int) -> int | None:
         """The value of integers alone, which Python computes exactly: 3**40 % 1000 is 801."""
-        # Remembered: asked of every node on the way down, it would take quadratic time.
-        if node not in self._whole:
-            self._whole[node] = None if depth > MAX_DEPTH else self._integer(node, depth + 1)
+        # Remembered: asked of every node on the way down, it would take quadratic time. A chain
+        # such as a + b + c is as deep as it is long: its inner nodes first.
+        chain = [node]
+        while isinstance(inner := chain[-1], ast.BinOp) and inner.left not in self._whole:
+            chain.append(inner.left)
+        for each in reversed(chain):
+            if each not in self._whole:
+                self._whole[each] = None if depth > MAX_DEPTH else self._integer(each, depth + 1)
         return self._whole[node]
 
     def _integer(self, node: ast.expr, depth: int) -> int | None:

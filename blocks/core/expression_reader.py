@@ -54,6 +54,18 @@ class Reader(Indices):
 
     def value(self, node: ast.expr, depth: int) -> Value:
         """What a node computes."""
+        # a + b + c is (a + b) + c: a chain is as deep as it is long, and read without recursion.
+        chain: list[ast.BinOp] = []
+        while isinstance(node, ast.BinOp) and self.whole(node, depth) is None:
+            chain.append(node)
+            node = node.left
+        value = self._checked(node, depth + bool(chain))
+        for binary in reversed(chain):
+            value = self.writer.low(self._checked(binary, depth, value))
+        return value
+
+    def _checked(self, node: ast.expr, depth: int, left: Value | None = None) -> Value:
+        """The value of a node, given that of its left operand; reports what is wrong with it."""
         if depth > MAX_DEPTH:
             self.fail(node, "too deeply nested; use 'let', or several blocks")
         try:
@@ -61,7 +73,9 @@ class Reader(Indices):
             # Integers first: as floats, 3**40 % 1000 would be 768 where Python says 801.
             if (whole := self.whole(node, depth)) is not None:
                 return number(self.exact(node, whole))
-            return self._value(node, depth)
+            if left is not None and isinstance(node, ast.BinOp):
+                return self.binary(node, left, depth)
+            return self.writer.low(self._value(node, depth))
         except ShapeError as error:
             self.fail(node, str(error))
         except TooLongError:
@@ -84,8 +98,6 @@ class Reader(Indices):
                 inner = self.value(operand, depth + 1)
                 self.writer.charge(len(inner.parts))
                 return Value(inner.shape, tuple(ast.UnaryOp(sign, part) for part in inner.parts))
-            case ast.BinOp():
-                return self.binary(node, depth)
             case ast.IfExp():
                 return self.conditional(node, depth)
             case ast.Call():
@@ -235,12 +247,11 @@ class Reader(Indices):
             return Value(shape, tuple(whole.parts[i] for i in rows[0]))
         return Value(shape, tuple(whole.parts[i * width + j] for i, j in product(*rows)))
 
-    def binary(self, node: ast.BinOp, depth: int) -> Value:
+    def binary(self, node: ast.BinOp, left: Value, depth: int) -> Value:
         kind = type(node.op)
         if kind in _SUGGESTED:
             written, instead = _SUGGESTED[kind]
             self.fail(node.right, f"there is no operator '{written}'; {instead}")
-        left = self.value(node.left, depth + 1)
         if kind is ast.Pow:
             return self.power(node, left, depth)
         right = self.value(node.right, depth + 1)
@@ -346,7 +357,7 @@ class Reader(Indices):
             return self.mapped(node, target, *arguments)
         total = arguments[0]
         for argument in arguments[1:]:
-            total = self.mapped(node, target, total, argument)
+            total = self.writer.low(self.mapped(node, target, total, argument))
         return total
 
     def of_arrays(self, node: ast.Call, name: str, depth: int) -> Value:

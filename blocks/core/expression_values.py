@@ -23,8 +23,10 @@ from blocks.core.expression_text import parsed
 
 # Of an expression as written out, with all that its indices run over.
 MAX_WRITTEN = 20_000
-# A longer sum is continued in a further statement: a tree is printed by recursion.
+# A longer sum is continued in a further statement, and so is a higher tree: it is printed,
+# compiled and translated by recursion.
 MAX_TERMS = 8
+MAX_HEIGHT = 40
 # What a name stands for: one text for a number, several for a vector, rows of them for a matrix.
 Written: TypeAlias = "str | Sequence[str] | Sequence[Sequence[str]]"
 
@@ -89,12 +91,13 @@ def called(name: str, *arguments: ast.expr) -> ast.expr:
     return ast.Call(target, list(arguments), [])
 
 
-def nested(function: str, parts: Sequence[ast.expr]) -> ast.expr:
-    """A function of two numbers, applied from left to right."""
-    total = parts[0]
-    for part in parts[1:]:
-        total = called(function, total, part)
-    return total
+def _height(node: ast.AST) -> int:
+    """The levels of a tree; those of its inner trees are remembered in them."""
+    height: int | None = getattr(node, "height", None)
+    if height is None:
+        height = 1 + max(map(_height, ast.iter_child_nodes(node)), default=0)
+        node.height = height  # type: ignore[attr-defined]
+    return height
 
 
 def one_or_zero(truth: ast.expr) -> ast.expr:
@@ -146,6 +149,12 @@ class Writer:
         """A value of which each component may be written several times."""
         return Value(value.shape, tuple(map(self.bind, value.parts)))
 
+    def low(self, value: Value) -> Value:
+        """A value whose components are no higher trees than :data:`MAX_HEIGHT`."""
+        if all(_height(part) <= MAX_HEIGHT for part in value.parts):
+            return value
+        return self.bound(value)
+
     @contextmanager
     def block(self) -> Iterator[list[str]]:
         """Statements that are written meanwhile go to a list of their own, for :meth:`branch`."""
@@ -182,9 +191,15 @@ class Writer:
         """A sum from left to right."""
         if len(terms) > MAX_TERMS // 2:
             terms = [self.bind(term) for term in terms]
+        return self.folded(lambda total, term: ast.BinOp(total, ast.Add(), term), terms)
+
+    def folded(
+        self, f: Callable[[ast.expr, ast.expr], ast.expr], terms: Sequence[ast.expr]
+    ) -> ast.expr:
+        """A function of two numbers, applied from left to right."""
         total = terms[0]
         for place, term in enumerate(terms[1:], 2):
-            total = ast.BinOp(total, ast.Add(), term)
+            total = f(total, term)
             if place % MAX_TERMS == 0 and place < len(terms):
                 total = self.bind(total)
         return total

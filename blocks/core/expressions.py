@@ -96,22 +96,16 @@ def _expressions(
         own = writer if name in used else Writer()
         known[name] = own.bound(_read(text, name, known, own))
     read = [_read(text, place, known, writer) for place, text in enumerate(texts)]
-    try:
-        values = tuple(ast.unparse(part) for value in read for part in value.parts)
-    except RecursionError:
-        raise ExpressionError(texts[0], 1, "too deeply nested; use 'let'") from None
+    values = tuple(ast.unparse(part) for value in read for part in value.parts)
     return Expressions(tuple(writer.lines), values, tuple(value.shape for value in read))
 
 
 def _read(text: str, place: int | str, known: Mapping[str, Value], writer: Writer) -> Value:
     try:
         return Reader(text, known, writer).value(tree_of(text), 0)
-    except RecursionError:
-        error = ExpressionError(text, 1, "too deeply nested; use 'let'")
-    except ExpressionError as wrong:
-        error = wrong
-    error.place = place
-    raise error from None
+    except ExpressionError as error:
+        error.place = place
+        raise
 
 
 def used_words(texts: Iterable[str], let: Mapping[str, str]) -> set[str]:
@@ -135,7 +129,23 @@ def signed_distance(text: str) -> str:
     ------
     ExpressionError : it is no expression.
     """
-    return ast.unparse(_distance(tree_of(text), False))
+    return ast.unparse(_distance(_as_written(text, tree_of(text)), False))
+
+
+def _as_written(text: str, node: ast.expr) -> ast.expr:
+    """A condition with its comparisons' sides as texts: they may be chains too long to print."""
+    match node:
+        case ast.BoolOp(op=op, values=parts):
+            return ast.BoolOp(op, [_as_written(text, part) for part in parts])
+        case ast.UnaryOp(op=ast.Not() as op, operand=operand):
+            return ast.UnaryOp(op, _as_written(text, operand))
+        case ast.IfExp(test=test, body=body, orelse=other):
+            return ast.IfExp(*(_as_written(text, part) for part in (test, body, other)))
+        case ast.Compare(left=left, ops=ops, comparators=rest):
+            sides = [_as_written(text, part) for part in (left, *rest)]
+            return ast.Compare(sides[0], ops, sides[1:])
+    flat = re.sub(r"\s", " ", text).strip()  # what columns of the tree count in
+    return ast.Name(f"({flat[node.col_offset : node.end_col_offset]})", ast.Load())
 
 
 _OPPOSITE = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}

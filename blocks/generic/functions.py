@@ -61,8 +61,9 @@ class Function(Equations):
 
     def why_not_finite(self) -> str:
         return (
-            "an expression leaves its domain, as the root or logarithm of a negative number, or "
-            "exceeds all floats; limit its inputs: 'sqrt(max(u[0], 0))'"
+            "an expression leaves its domain, as the root or logarithm of a negative number, "
+            "exceeds all floats, or reads an infinite number, as the miss of a scan is; limit its "
+            "inputs: 'sqrt(max(u[0], 0))', 'min(u[0], 12)'"
         )
 
     @cached_property

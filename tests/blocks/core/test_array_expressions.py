@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from blocks.core import ExpressionError, expression_function, function_text, read_expressions
+from blocks.core import (
+    ExpressionError,
+    expression_function,
+    function_text,
+    read_expressions,
+    signed_distance,
+)
 from tests.examples import examples
 
 S, V, W = 0.7, [0.3, -1.2, 2.0], [1.5, 0.4, -0.8]
@@ -233,3 +240,54 @@ def test_random_arrays_are_equal_in_both_engines(batch: list[str]) -> None:
     loaded = runtime.load(graph)
     one, other = (loaded.run(engine=engine).probes["f"].values for engine in ("python", "compiled"))
     np.testing.assert_array_equal(one, other)
+
+
+MANY = np.random.default_rng(0).normal(size=360)
+TERMS = [f"u[{i}]" for i in range(300)]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("min(u)", np.min(MANY)),
+        ("max(u)", np.max(MANY)),
+        ("sum(u)", np.sum(MANY)),
+        ("prod(u)", np.prod(MANY)),
+        ("norm(u)", np.linalg.norm(MANY)),
+        ("mean(u)", np.mean(MANY)),
+        (f"min({', '.join(TERMS[:200])})", np.min(MANY[:200])),
+        (" + ".join(TERMS[:200]), np.sum(MANY[:200])),
+        ("-".join(TERMS), MANY[0] - np.sum(MANY[1:300])),
+        ("u[0]" + "*2/2" * 400, MANY[0]),
+        ("u[1" + "+1" * 300 + "]", MANY[301]),
+        (" and ".join(f"{term} < 9" for term in TERMS[:120]), 1.0),
+        ("(" * 20 + "u[0]" + ("+u[0]" * 18 + ")") * 20, 361.0 * MANY[0]),
+    ],
+)
+def test_long_expressions_are_read_without_recursion(text: str, expected: float) -> None:
+    found = expression_function(text, {"u": len(MANY)})(MANY)
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+    again = expression_function("y - 1", {"u": len(MANY)}, let={"y": text})(MANY)
+    np.testing.assert_allclose(again, expected - 1.0, rtol=1e-11, atol=1e-13)
+
+
+def test_the_distance_of_a_long_condition_is_read_without_recursion() -> None:
+    distance = signed_distance("+".join(TERMS[:200]) + " > 1")
+    found = expression_function(distance, {"u": len(MANY)})(MANY)
+    np.testing.assert_allclose(found, np.sum(MANY[:200]) - 1.0, rtol=1e-11)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_long_expressions_in_both_engines(tmp_path: Path, engine: str) -> None:
+    functions = {"min": np.min, "max": np.max, "prod": np.prod, "norm": np.linalg.norm}
+    blocks = "".join(f"  {n}: {{type: Function, expression: '{n}(u)'}}\n" for n in functions)
+    wires = "".join(f"  {name}: {{u: many.value}}\n" for name in functions)
+    probes = ", ".join(f"{name}: {name}.out" for name in functions)
+    path = tmp_path / "g.yaml"
+    path.write_text(
+        f"graph: g\nrun: {{dt: 0.1, until: 0.1}}\nblocks:\n{blocks}"
+        f"  many: {{type: Constant, value: {MANY.tolist()}}}\nwires:\n{wires}probes: {{{probes}}}\n"
+    )
+    run = runtime.load(path).run(engine=engine)
+    for name, function in functions.items():
+        np.testing.assert_allclose(run[name].ravel()[0], function(MANY), rtol=1e-12)
