@@ -39,7 +39,10 @@ class GraphInput(Block):
         None, name="type", doc="the signal type; default: that of what it is wired to"
     )
     default: FloatArray | None = param(
-        None, shape=SHAPES, doc="its value if nothing is wired to it: one number, or all of them"
+        None,
+        shape=SHAPES,
+        finite=False,
+        doc="its value if nothing is wired to it: one number, or all of them",
     )
     low: FloatArray | None = param(
         None, name="min", shape=SHAPES, finite=False, doc="its smallest value"
@@ -77,6 +80,8 @@ class GraphInput(Block):
     def validate_in(self, context: BlockContext) -> None:
         for name, bound in (("default", self.default), ("min", self.low), ("max", self.high)):
             check_sized(context.types["out"], name, bound)
+        if self.default is not None and (message := context.types["out"].wrong(self.default)):
+            raise ParameterError([("default", message)])
 
     @cached_property
     def kind(self) -> SignalType | None:

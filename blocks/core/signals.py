@@ -88,6 +88,15 @@ class SignalType:
         own = self.components or tuple(name for name, _ in self.rows)
         return own or tuple(map(str, range(self.shape[0] if self.shape else 0)))
 
+    def wrong(self, array: FloatArray) -> str:
+        """What is wrong with numbers that a value of this type shall have; '' if nothing is."""
+        bad = np.argwhere(np.isnan(array) | (np.isinf(array) & self.finite))
+        if not len(bad):
+            return ""
+        at = tuple(map(int, bad[0]))
+        place = f" at {list(at)}" if at else ""
+        return f"expected finite numbers for a {self}, got {array[at]:g}{place}"
+
     def pack(self, array: FloatArray) -> SignalValue:
         """Turn an array of this type's shape into a signal value (arrays are copied)."""
         if self.form == "scalar":

@@ -40,7 +40,10 @@ class Constant(Block):
     constant = Output(Same("T"), name="value", constant=True, doc="the value")
 
     number: FloatArray = param(
-        name="value", tunable=True, doc="a number, or one number per component"
+        name="value",
+        finite=False,
+        tunable=True,
+        doc="a number, or one number per component",
     )
     signal: SignalType | None = param(
         None, doc="the signal type: Twist, Pose, ...; default Scalar, or Vector(n) for n numbers"
@@ -50,6 +53,8 @@ class Constant(Block):
         kind = self.kind
         if kind.symbol or kind.shape != self.number.shape:
             message = f"expected {kind.numbers} for {kind.name}, got {self.number.tolist()}"
+            raise ParameterError([("value", message)])
+        if message := kind.wrong(self.number):
             raise ParameterError([("value", message)])
 
     @cached_property

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -39,8 +38,8 @@ class FromFile(Table):
     points (scipy's CubicSpline, not-a-knot). A csv file has one row per time; its first line may
     name the columns, which are numbered from 0 otherwise; ',', ';' or a tab separates them, lines
     that begin with '#' are skipped. In an npz file, an array of n numbers is a column, and one of
-    n x k numbers is k of them. The probes.npz of a run is such a file. ``file`` is relative to the
-    graph's own file.
+    n x k numbers is k of them. The probes.npz of a run is such a file. A ``signal`` that is a Scan
+    may have ``inf`` for misses, with ``method: hold``. ``file`` is relative to the graph's own file.
     """
 
     path: str = param(name="file", doc="a .csv or .npz file")
@@ -62,7 +61,7 @@ class FromFile(Table):
 
     def validate(self) -> None:
         check_ascending(self.rows[0], "file", "times", "s")
-        self.check_type()
+        self.check_type("file")
 
     def validate_in(self, context: BlockContext) -> None:
         times = self.rows[0]
@@ -116,7 +115,12 @@ class FromFile(Table):
             )
         table = np.column_stack([columns[name] for name in names])
         for name in (times, *names):
-            _check_finite(columns[name], name)
+            # Whether a type has infinite values is known once the type is: `check_type`.
+            is_wrong = ~np.isfinite(columns[name]) if name == times else np.isnan(columns[name])
+            if is_wrong.any():
+                row = int(np.argmax(is_wrong))
+                message = f"column '{name}', row {row + 1}: expected a finite number, "
+                raise ParameterError([("file", f"{message}got {columns[name][row]:g}")])
         return columns[times], table[:, 0] if table.shape[1] == 1 else table
 
     def _times(self, columns: RecordedColumns) -> str:
@@ -243,10 +247,3 @@ def _npz(content: bytes) -> RecordedColumns:
     if not columns:
         raise ValueError("the file holds no arrays")
     return columns
-
-
-def _check_finite(values: Sequence[float] | FloatArray, name: str) -> None:
-    for i, value in enumerate(np.asarray(values).tolist()):
-        if not math.isfinite(value):
-            message = f"column '{name}', row {i + 1}: expected a finite number, got {value}"
-            raise ParameterError([("file", message)])

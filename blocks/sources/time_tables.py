@@ -64,18 +64,24 @@ class Table(Block, ABC):
     def variables(self) -> dict[str, SignalType]:
         return {"T": self.resolved}
 
-    def check_type(self) -> None:
-        """Check that the stated type has one component per column.
+    def check_type(self, parameter: str) -> None:
+        """Check that the stated type has one component per column, and fits the values.
 
         Raises
         ------
-        ParameterError : it has not.
+        ParameterError : it has not, or a value of ``parameter`` is infinite where the type has no
+            misses, or where it would be interpolated.
         """
         values = self.rows[1]
         if self.resolved.symbol or self.resolved.shape != values.shape[1:]:
             count = values.shape[1] if values.ndim == 2 else 1
             message = f"expected a type of {count} component(s), one per column, got {self.stated}"
             raise ParameterError([("signal", message)])
+        problem = self.resolved.wrong(values)
+        if not problem and self.how != "hold" and np.isinf(values).any():
+            problem = "there are infinite values, between which only 'method: hold' has values"
+        if problem:
+            raise ParameterError([(parameter, problem)])
 
     @cached_property
     def coefficients(self) -> FloatArray:
@@ -146,6 +152,7 @@ class Piecewise(Table):
     times: FloatArray = param(unit="s", shape=(None,), doc="times, in ascending order")
     values: FloatArray = param(
         shape=[(None,), (None, None)],
+        finite=False,
         tunable=True,
         doc="a number per time, or a list of numbers per time",
     )
@@ -159,7 +166,7 @@ class Piecewise(Table):
         if len(self.values) != len(self.times):
             message = f"expected {len(self.times)} values, one per time, got {len(self.values)}"
             raise ParameterError([("values", message)])
-        self.check_type()
+        self.check_type("values")
 
     @property
     def rows(self) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,6 @@ and sliders are made of it::
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,12 +57,13 @@ class PortDeclaration:
             expected = f"expected {self.type.numbers} for a {self.type}"
             raise ValueError(f"'{self.name}': {expected}, got {show(written)}")
         array = np.broadcast_to(array, self.type.shape).astype(np.float64)
-        if ((array >= self.low) & (array <= self.high) & (abs(array) < math.inf)).all():
+        bad = np.isnan(array) | (np.isinf(array) & self.type.finite)
+        if ((array >= self.low) & (array <= self.high) & ~bad).all():
             return array
         for relation, bound, is_out in (
             ("at least", self.low, array < self.low),
             ("at most", self.high, array > self.high),
-            ("a finite number", None, ~np.isfinite(array)),
+            ("a finite number", None, bad),
         ):
             if is_out.any():
                 at = tuple(np.argwhere(is_out)[0]) if array.ndim else ()

@@ -155,7 +155,7 @@ def test_an_open_length_is_the_values_own(signal: str, value: Any, kind: SignalT
         ({"value": 1, "signal": "Twits"}, "signal: no signal type 'Twits'; the types are Scalar"),
         ({"value": 1, "signal": "Pose(3)"}, "signal: Pose has no length; write 'Pose'"),
         ({"value": "1.0"}, "value: expected an array of numbers, got the string '1.0'"),
-        ({"value": math.inf}, "value: expected an array of numbers, got inf"),
+        ({"value": math.inf}, "value: expected finite numbers for a Scalar, got inf"),
     ],
 )
 def test_bad_constants(parameters: dict[str, Any], message: str) -> None:

@@ -196,3 +196,59 @@ def test_the_pushed_mass_of_the_gallery_agrees_with_scipy() -> None:
     )
     np.testing.assert_allclose(found["position"], solved.y[0], atol=1e-6)
     assert np.ptp(found["position"]) > 0.5
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_scan_with_misses_is_replayed(tmp_path: Path, engine: str) -> None:
+    text = {
+        "run": {"dt": 0.1, "until": 1.0},
+        "world": {"room": [[0, 0], [30, 0], [30, 4], [0, 4]]},
+        "blocks": {
+            "pose": {"type": "Constant", "signal": "Pose", "value": [2, 2, 0.3]},
+            "lidar": {"type": "Lidar", "beams": 16, "dropout": 0.2},
+        },
+        "wires": {"lidar": {"pose": "pose.value"}},
+        "probes": {"s": "lidar.scan"},
+    }
+    first = runtime.load(text).run()
+    first.save(tmp_path / "first")
+    assert np.isinf(first["s"]).any()
+    assert np.isfinite(first["s"]).any()
+    taken: dict[str, Any] = {"file": "first/probes.npz", "columns": ["s"], "signal": "Scan(16)"}
+    graph = graph_of(tmp_path, **taken, method="hold", outside="hold").set("run.dt", 0.1)
+    found = graph.set("run.until", 1.0).run(engine=engine)["out"]
+    np.testing.assert_array_equal(found, first["s"])
+    for changed, part in (
+        (("signal", "Vector(16)"), "for a Vector"),
+        (("method", "cubic"), "hold"),
+    ):
+        with pytest.raises(GraphError, match=part):
+            graph.set(f"data.{changed[0]}", changed[1]).check()
+
+
+@pytest.mark.parametrize(
+    ("block", "is_valid"),
+    [
+        ({"type": "Constant", "signal": "Scan(2)", "value": [1.0, float("inf")]}, True),
+        ({"type": "Constant", "value": [1.0, float("inf")]}, False),
+        ({"type": "Constant", "value": float("inf")}, False),
+        (
+            {
+                "type": "Piecewise",
+                "times": [0, 1],
+                "values": [[1, float("inf")], [1, 2]],
+                "signal": "Scan(2)",
+            },
+            True,
+        ),
+        ({"type": "Piecewise", "times": [0, 1], "values": [1, float("inf")]}, False),
+    ],
+)
+def test_misses_are_written_as_they_are_recorded(block: dict[str, Any], is_valid: bool) -> None:
+    graph = runtime.load({"run": {"dt": 0.1, "until": 0.2}, "blocks": {"a": block}})
+    if not is_valid:
+        with pytest.raises(GraphError, match="expected finite numbers"):
+            graph.check()
+        return
+    out = "value" if block["type"] == "Constant" else "out"
+    np.testing.assert_array_equal(graph.probe("y", f"a.{out}").run()["y"][-1], [1.0, np.inf])
