@@ -29,7 +29,12 @@ _OUTER = ("params", "repeat", "share", "seed")
 
 
 def fill_sections(
-    document: Node, declared: Node | None, address: str, problems: Problems, work: Work
+    document: Node,
+    declared: Node | None,
+    address: str,
+    problems: Problems,
+    work: Work,
+    outer: frozenset[str] = frozenset(),
 ) -> Node:
     """A graph with every ``$name`` replaced by the value of its param.
 
@@ -37,6 +42,7 @@ def fill_sections(
     ----------
     declared : the section ``params``; for a part with the values given, already filled in.
     address : of the graph in the document: '' or ``blocks.adaptive``.
+    outer : the params of the graphs around a part, which it has only if they are passed to it.
     """
     prefix = f"{address}." if address else ""
     # With 'param:' for 'params:' every name would be unknown; the misspelling is reported alone.
@@ -46,7 +52,7 @@ def fill_sections(
         if params is None:
             message = f"{expected_form('params')}, got {declared.describe()}"
             problems.add(declared.where, f"{prefix}params", message)
-    filler = _Filler(params, problems, work)
+    filler = _Filler(params, problems, work, outer)
     filler.compute_params(prefix)
     for name, node in document.items():
         if name not in ("params", "part"):
@@ -54,9 +60,17 @@ def fill_sections(
             filler.inside = name in ("blocks", "wires", "inputs", "outputs", "probes", "run")
             fill = filler.blocks if name == "blocks" else filler.fill
             document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
+    if filler.lacking:
+        where = document.where if declared is None else declared.key
+        names = ", ".join(f"'{name}'" for name in filler.lacking)
+        given = ", ".join(f"{name}: ${name}" for name in filler.lacking)
+        message = f"the part has no param {names}; a part has its own params, to which those of "
+        problems.add(where, f"{prefix}params", f"{message}the graph are passed: {{{given}}}")
     for name, node in (params or {}).items():
-        # An unused 'gain' and an unknown '$gian' are one mistake, reported at the name.
-        if name not in filler.used and not hint(name, filler.missing):
+        # An unused 'gain' and an unknown '$gian' are one mistake, reported at the name; and what a
+        # part lacks is reported there.
+        is_part_of_error = hint(name, filler.missing) or filler.lacking or name in filler.not_passed
+        if name not in filler.used and not is_part_of_error:
             suggestion = hint(name, filler.used) or "; remove it, or write it as a value"
             problems.add(node.key, f"{prefix}params.{name}", f"${name} is not used{suggestion}")
     return document
@@ -126,21 +140,34 @@ def _references_of(graph: Node) -> set[str]:
 def _references(node: Node) -> Iterator[str]:
     if isinstance(node.value, str):
         yield from _NAME.findall(node.value)
-    for item in node.value if node.is_list else [n for _, n in node.items()]:
+    for item in node.value if node.is_list else ():
+        yield from _references(item)
+    for name, item in node.items():
+        yield from _NAME.findall(name)
         yield from _references(item)
 
 
 class _Filler:
     """Replaces ``$names``; ``params`` is None where they cannot be read."""
 
-    def __init__(self, params: dict[str, Node] | None, problems: Problems, work: Work) -> None:
+    def __init__(
+        self,
+        params: dict[str, Node] | None,
+        problems: Problems,
+        work: Work,
+        outer: frozenset[str] = frozenset(),
+    ) -> None:
         self.params = params
+        self.outer = outer
         self.work = work
         self.problems = problems
         self.used: set[str] = set()
         self.missing: set[str] = set()
+        self.lacking: dict[str, None] = {}  # what a part uses, and the graph around it has
+        self.not_passed: set[str] = set()  # what parts of this graph use and do not declare
         self.failed: set[str] = set()
         self.inside = True  # whether names inside a text are replaced
+        self.in_block = False  # whether those in keys are, as in states: {p($n): m}
         self.later: set[str] = set()  # names that a copy of a repeated part replaces
 
     def compute_params(self, prefix: str) -> None:
@@ -178,8 +205,12 @@ class _Filler:
         for name, entry in node.items():
             inner = f"{address}.{name}"
             if not is_part(entry):
+                self.in_block = True
                 entries[name] = self.fill(entry, inner)
+                self.in_block = False
                 continue
+            given = entry.get("params") or Node({})
+            self.not_passed |= _references_of(entry) - {param for param, _ in given.items()}
             for key in _OUTER:
                 if (node_of_key := entry.get(key)) is not None:
                     value = self.for_part(entry, key, node_of_key, f"{inner}.{key}")
@@ -219,9 +250,15 @@ class _Filler:
 
     def walk(self, node: Node, address: str, text: Callable[[Node, str], Node]) -> Node:
         if node.is_map:
-            items = {
-                name: self.walk(item, f"{address}.{name}", text) for name, item in node.items()
-            }
+            items = dict[str, Node]()
+            for name, item in node.items():
+                written = name
+                if self.in_block and "$" in name:
+                    key = self.in_text(Node(name, item.key), address)
+                    written = str(key.value)
+                    if written in items:
+                        self.problems.add(item.key, address, f"'{written}' is given twice")
+                items[written] = self.walk(item, f"{address}.{name}", text)
             return Node(items, node.where, node.key)
         if node.is_list:
             nodes = [self.walk(n, f"{address}[{i}]", text) for i, n in enumerate(node.value)]
@@ -230,16 +267,20 @@ class _Filler:
             return node
         match = _NAME.fullmatch(node.value)
         if match and match[1] not in self.later:
-            return self.value(match[1], node, address)
+            value = self.value(match[1], node, address)
+            if value is node:
+                self.problems.silence(node.where, address)
+            return value
         return text(node, address)
 
     def in_text(self, node: Node, address: str) -> Node:
         """A text with numbers in place of the names in it."""
-        names = set(_NAME.findall(node.value)) - self.later
-        if not names or not (self.inside or names <= (self.params or {}).keys()):
+        names = [n for n in dict.fromkeys(_NAME.findall(node.value)) if n not in self.later]
+        if not names or not (self.inside or {*names} <= (self.params or {}).keys()):
             return node
         values = {name: self.value(name, node, address) for name in names}
         if any(value is node for value in values.values()):
+            self.problems.silence(node.where, address)
             return node
         known = {name: _written(value.plain()) for name, value in values.items()}
         return replace(node, value=_NAME.sub(lambda m: known.get(m[1], m[0]), node.value))
@@ -266,7 +307,8 @@ class _Filler:
         return node
 
     def value(self, name: str, node: Node, address: str) -> Node:
-        """The value of a param, with the position where it is written, not where it is used."""
+        """The value of a param, with the position where it is written, not where it is used; the
+        node itself if there is none."""
         param = (self.params or {}).get(name)
         if param is not None and param.value is not None:
             self.used.add(name)
@@ -279,11 +321,19 @@ class _Filler:
             self.used.add(name)
             self.problems.add(param.key, address, f"param '{name}' has no value")
         elif self.params is not None:
-            self.missing.add(name)
-            known = hint(name, self.params) or f"; params: {', '.join(self.params) or 'none'}"
-            self.problems.add(node.where, address, f"there is no param '{name}'{known}")
-        self.problems.silence(node.where, address)
+            self.report(name, node, address)
         return node
+
+    def report(self, name: str, node: Node, address: str) -> None:
+        """Report a param that does not exist: each slip of the pen, but what is only not declared
+        once, however often it is used."""
+        near = hint(name, self.params or ())
+        if name in self.outer and not near:
+            self.lacking[name] = None
+        elif near or name not in self.missing:
+            known = near or f"; params: {', '.join(self.params or ()) or 'none'}"
+            self.problems.add(node.where, address, f"there is no param '{name}'{known}")
+        self.missing.add(name)
 
 
 def _written(value: object) -> str:

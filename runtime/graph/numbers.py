@@ -187,8 +187,11 @@ def _is_whole_in(entry: Node, param: str) -> bool:
 
 def _uses(node: Node, param: str) -> Iterator[bool]:
     """For each text that names a param, whether it is nothing else."""
-    if isinstance(node.value, str) and re.search(rf"\${param}(?!\w)", node.value):
+    used = re.compile(rf"\${param}(?!\w)")
+    if isinstance(node.value, str) and used.search(node.value):
         yield node.value == f"${param}"
+    if any(used.search(key) for key, _ in node.items()):
+        yield False
     for item in _items(node):
         yield from _uses(item, param)
 

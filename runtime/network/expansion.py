@@ -44,9 +44,15 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
     # Before anything walks it: a few lines may stand for more values than fit in memory.
     work.check(document, document.where, "")
     check_keys(document, SECTIONS, "", problems, "section")
-    document_filled = fill_sections(document, document.get("params"), "", problems, work)
-    top = Scope("", "", unread=_unread(document, SECTIONS))
+    declared = document.get("params")
+    document_filled = fill_sections(document, declared, "", problems, work)
+    top = Scope("", "", unread=_unread(document, SECTIONS), params=_names(declared))
     return _scope(document_filled, top, problems, work), document_filled
+
+
+def _names(declared: Node | None) -> frozenset[str]:
+    """The names of params that are declared."""
+    return frozenset() if declared is None else frozenset(name for name, _ in declared.items())
 
 
 def _unread(document: Node, known: Iterable[str]) -> set[str]:
@@ -125,6 +131,7 @@ def _open_part(
         return _part(one, inside, own, address, problems, work)
 
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
+    scope.params = above.params
     return repeat_part(entry, scope, problems, copy)
 
 
@@ -138,9 +145,10 @@ def _part(
             suggestion = hint(key, PART_SECTIONS[:5]) or f"; it has {', '.join(PART_SECTIONS[:5])}"
             suggestion = f"; write it as params: {{{key}: ...}}" if known else suggestion
             problems.add(item.key, f"{address}.{key}", f"a part has no '{key}'{suggestion}")
-    entry_filled = fill_sections(entry, declared, address, problems, work)
+    entry_filled = fill_sections(entry, declared, address, problems, work, above.params)
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
     scope.unread = _unread(entry, PART_SECTIONS)
     seed = read_seed(entry.get("seed"), f"{address}.seed", problems)
     scope.seed = above.seed if seed is None else seed
+    scope.params = above.params | _names(declared)
     return _scope(entry_filled, scope, problems, work)

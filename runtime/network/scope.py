@@ -23,7 +23,8 @@ class Scope:
     ``prefix`` is put before the names inside to form those in the whole graph; ``address`` is the
     scope's in the document. ``broken`` names blocks that cannot be read, ``unread`` such
     sections: they are reported once, and addresses that lead there are not. ``seed`` is that of
-    its blocks, in place of the run's.
+    its blocks, in place of the run's. ``params`` are the names of those of the graph and of the
+    graphs around it.
     """
 
     prefix: str
@@ -38,6 +39,7 @@ class Scope:
     defaults: dict[str, Node] = field(default_factory=dict)
     where: Where = field(default_factory=Where)
     seed: int | None = None
+    params: frozenset[str] = frozenset()
     broken: set[str] = field(default_factory=set)
     unread: set[str] = field(default_factory=set)
 

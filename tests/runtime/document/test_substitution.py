@@ -19,6 +19,10 @@ def last(loaded: runtime.Graph, of: str) -> Any:
     return loaded.run(engine="python").probes[of].values[-1]
 
 
+def constant(value: Any) -> dict[str, Any]:
+    return {"type": "Constant", "value": value}
+
+
 def function(expression: Any, **more: Any) -> dict[str, Any]:
     return {"type": "Function", "expression": expression, **more}
 
@@ -107,3 +111,57 @@ def test_wrong_params_are_refused_once(params: dict[str, Any], part: str) -> Non
         runtime.load(graph(params, f=function("$a"))).check()
     assert part in str(caught.value)
     assert len(caught.value.problems) == 1
+
+
+def test_params_are_in_the_names_of_states_with_units() -> None:
+    states = {"p($n)": "m", "v": "m/s"}
+    system = {"type": "DynamicSystem", "states": states, "derivative": ["-p", "-v"]}
+    text = graph({"n": 3}, f={**system, "initial": "ones($n + 1)"})
+    loaded = runtime.load({**text, "probes": {"v": "f.out.v"}})
+    np.testing.assert_allclose(last(loaded, "v"), np.exp(-0.1), rtol=1e-4)
+    names = ("p0", "p1", "p2", "p3", "v")
+    larger = loaded.set("params.n", 4)
+    assert larger.network.types["f", "out"].rows == tuple(
+        (name, "m/s" if name == "v" else "m") for name in names
+    )
+    with pytest.raises(runtime.GraphError, match="there is no param 'm'") as error:
+        runtime.load(graph({}, f={**system, "states": {"p($m)": "m"}, "initial": 1.0})).check()
+    assert len(error.value.problems) == 1
+
+
+# Uses three params of the graph around it, of which none is passed.
+UNPASSED = {
+    "params": {"b": "$k"},
+    "inputs": {"x": "Vector($n)"},
+    "outputs": {"y": "f.out"},
+    "blocks": {"f": function("$g*x[0] + $k + $g + $b", names=["x($n)"])},
+    "wires": {"f": {"u": "inputs.x"}},
+}
+
+
+@pytest.mark.parametrize("repeated", [{}, {"repeat": 2, "share": ["x"]}])
+def test_what_a_part_lacks_is_one_error(repeated: dict[str, Any]) -> None:
+    text = graph(
+        {"k": 1.0, "g": 2.0, "n": 2}, part={**UNPASSED, **repeated}, c=constant([1.0, 2.0])
+    )
+    wired = {**text, "wires": {"part": {"x": "c.value"}}, "probes": {"y": "part.y"}}
+    with pytest.raises(runtime.GraphError) as error:
+        runtime.load(wired).check()
+    (problem,) = error.value.problems
+    assert problem.address == "blocks.part.params"
+    assert "'n', 'g', 'k'" in problem.text
+    assert "{n: $n, g: $g, k: $k}" in problem.text
+    wired["blocks"]["part"] = {**wired["blocks"]["part"], "params": {"b": "$k"}}
+    given = wired["blocks"]["part"]["params"]
+    given |= {"n": "$n", "g": "$g", "k": "$k"}
+    assert np.all(last(runtime.load(wired), "y") == 6.0)
+
+
+def test_a_param_that_nobody_declares_is_reported_once() -> None:
+    text = graph({}, a=function("$gain"), b=function("2*$gain"), c=function("$gain + $bias"))
+    with pytest.raises(runtime.GraphError) as error:
+        runtime.load(text).check()
+    assert [p.address for p in error.value.problems] == [
+        "blocks.a.expression",
+        "blocks.c.expression",
+    ]
