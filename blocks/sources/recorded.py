@@ -39,7 +39,8 @@ class FromFile(Table):
     name the columns, which are numbered from 0 otherwise; ',', ';' or a tab separates them, lines
     that begin with '#' are skipped. In an npz file, an array of n numbers is a column, and one of
     n x k numbers is k of them. The probes.npz of a run is such a file. A ``signal`` that is a Scan
-    may have ``inf`` for misses, with ``method: hold``. ``file`` is relative to the graph's own file.
+    may have ``inf`` for misses, with ``method: hold``. ``file`` is relative to the graph's own
+    file.
     """
 
     path: str = param(name="file", doc="a .csv or .npz file")
