@@ -141,6 +141,7 @@ class Progress:
         self.active = wanted and sys.stderr is not None and sys.stderr.isatty()
         self.began = time.monotonic()
         self.before = 0
+        self.workers = 0  # that share the work, shown if there are any
 
     def resume(self, done: int) -> None:
         """Restart the clock; ``done`` steps were done before."""
@@ -158,6 +159,8 @@ class Progress:
         if done > self.before:
             remaining = spent * (total - done) / (done - self.before)
             text += f"  {duration(remaining)} left"
+        if self.workers:
+            text += f"  {self.workers} worker{'s' * (self.workers > 1)}"
         columns = shutil.get_terminal_size().columns - 1
         # The note is written below and the cursor goes back up (\033[A), so that the next call
         # draws over both; \033[K erases what is left of a longer line.

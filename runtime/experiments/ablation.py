@@ -39,6 +39,7 @@ from runtime.experiments.execution import (
     Index,
     Row,
     RunOptions,
+    Start,
     Task,
     Trial,
     TrialResult,
@@ -156,7 +157,7 @@ def run_ablation(
     """
     folder = options.folder
     open_folder(plan, options)
-    with closing(Index(folder / INDEX, plan.columns)) as index:
+    with closing(Index(folder / INDEX, plan.columns, options.again)) as index:
         finished = _run(plan, options, index, progress)
         rows: dict[str, list[Row]] = {variant.name: [] for variant in plan.variants}
         for row in sorted(index.rows(), key=lambda row: row.trial):
@@ -178,6 +179,7 @@ def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Prog
     if finished == plan.total:
         return True
     progress.resume(finished)
+    start = Start(plan, options, finished > 0)
 
     def task(trial: Trial) -> Task:
         # The settings of a variant would all have the same folder: the first one is kept.
@@ -195,7 +197,7 @@ def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Prog
         finished += 1
         progress(finished, plan.total, name)
 
-    return run_all(trials, options.make_pool, task, record, progress)
+    return run_all(trials, start, task, record, progress)
 
 
 def _draw_diagrams(plan: ExperimentPlan, folder: Path) -> None:

@@ -59,6 +59,7 @@ def sweep(
     scheduler: str | None = None,
     timeout: float | None = None,
     checkpoint: float | None = None,
+    mixed: bool = False,
 ) -> SweepTable:
     """Run a graph with all combinations, or samples, of some values, each with every seed.
 
@@ -81,6 +82,7 @@ def sweep(
     timeout : time limit of a trial (s).
     checkpoint : the time between two checkpoints of each running trial (s of the clock), from
         which ``resume`` goes on; none by default. For trials that take minutes.
+    mixed : accept rows and workers of another version of this package; refused by default.
 
     Raises
     ------
@@ -108,8 +110,7 @@ def sweep(
     plan = sweep_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> SweepResult:
-        pool = pool_factory(jobs, scheduler, timeout, checkpoint)
-        options = RunOptions(target, pool, resume, keep, timeout, checkpoint=checkpoint)
+        options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed, keep)
         return run_sweep(plan, options, Progress(plan.name))
 
     return _table(folder, plan.name, run, SweepTable.of)
@@ -131,6 +132,7 @@ def ablate(
     scheduler: str | None = None,
     timeout: float | None = None,
     checkpoint: float | None = None,
+    mixed: bool = False,
 ) -> AblationTable:
     """Compare variants of a graph with it, on the same seeds.
 
@@ -146,7 +148,7 @@ def ablate(
     margin : the smallest difference that counts, of all metrics or by metric: a number in the
         metric's unit, or a share of the baseline's mean such as ``"5%"``.
     test : of differences: ``t``, ``ranks``, or ``auto``, which takes ranks where values are skewed.
-    folder, resume, jobs, scheduler, timeout, checkpoint : as for :func:`sweep`.
+    folder, resume, jobs, scheduler, timeout, checkpoint, mixed : as for :func:`sweep`.
 
     Raises
     ------
@@ -170,8 +172,7 @@ def ablate(
     plan = ablation_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> AblationResult:
-        pool = pool_factory(jobs, scheduler, timeout, checkpoint)
-        options = RunOptions(target, pool, resume, timeout=timeout, checkpoint=checkpoint)
+        options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
         return run_ablation(plan, options, Progress(plan.name), test)
 
     return _table(folder, plan.name, run, AblationTable.of)
@@ -200,6 +201,7 @@ def tune(
     scheduler: str | None = None,
     timeout: float | None = None,
     checkpoint: float | None = None,
+    mixed: bool = False,
 ) -> TuningTable:
     """Find the values of some factors that minimise metrics, and judge them on held-out runs.
 
@@ -215,7 +217,7 @@ def tune(
     stop_early : whether configurations that half of the others beat are stopped (yes).
     seeds, conditions : of the training runs; conditions are changed graphs by name.
     held_out, held_out_conditions : of the runs that judge; other seeds, 1000..1019 by default.
-    folder, resume, jobs, scheduler, timeout, checkpoint : as for :func:`sweep`.
+    folder, resume, jobs, scheduler, timeout, checkpoint, mixed : as for :func:`sweep`.
 
     Raises
     ------
@@ -236,13 +238,27 @@ def tune(
     plan = tuning_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> TuningResult:
-        pool = pool_factory(jobs, scheduler, timeout, checkpoint)
-        options = RunOptions(target, pool, resume, timeout=timeout, checkpoint=checkpoint)
+        options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
         done = run_tuning(plan, options, Progress(plan.name))
         save_json(done)
         return done
 
     return _table(folder, plan.name, run, TuningTable.of)
+
+
+def _options(
+    target: Path,
+    resume: bool,
+    jobs: int | None,
+    scheduler: str | None,
+    timeout: float | None,
+    checkpoint: float | None,
+    mixed: bool,
+    keep: str = "none",
+) -> RunOptions:
+    """How an experiment is run, from what the functions above have in common."""
+    pool = pool_factory(jobs, scheduler, timeout, checkpoint, mixed)
+    return RunOptions(target, pool, resume, keep, timeout, checkpoint=checkpoint, mixed=mixed)
 
 
 def _table(

@@ -30,6 +30,7 @@ from runtime.experiments.execution import (
     RetentionPolicy,
     Row,
     RunOptions,
+    Start,
     Trial,
     TrialResult,
     open_folder,
@@ -126,7 +127,7 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
         retention.discard(row)
         tally.add(row)
 
-    with closing(Index(options.folder / INDEX, plan.columns)) as index:
+    with closing(Index(options.folder / INDEX, plan.columns, options.again)) as index:
         trials = remaining(index, plan.trials())
         retention.resume(index.rows())
         for row in index.rows():
@@ -135,7 +136,8 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
         result = SweepResult(plan, options.folder, tally, 0.0)
         if tally.done < plan.total:
             result.is_interrupted = not run_all(
-                trials, options.make_pool, retention.task, record, progress, draw
+                *(trials, Start(plan, options, tally.done > 0), retention.task, record, progress),
+                idle=draw,
             )
     if not result.is_interrupted:
         options.finish()

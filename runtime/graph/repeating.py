@@ -169,7 +169,7 @@ class RepeatedRuns:
         """
         place, every = checkpoints
         try:
-            source, wrong = last_checkpoint(place), []
+            source, wrong = last_checkpoint(place, self.graph.network), []
         except UsageError as error:
             source, wrong = None, [f"began anew, since {error}"]
         if source is not None:

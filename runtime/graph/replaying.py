@@ -14,14 +14,17 @@ a kill at any moment leaves a checkpoint with its rows::
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from blocks.core import hint
 from runtime.errors import UsageError
 from runtime.files import check_form, read_text, remove_tree, system_errors
 from runtime.graph.graph import Graph
 from runtime.graph.loading import load
+from runtime.network import Network
 from runtime.runs import (
     BEFORE,
     CHECKPOINT,
@@ -29,7 +32,9 @@ from runtime.runs import (
     RECORDING,
     RESOLVED,
     Source,
+    check_same_program,
     leftovers,
+    program_of,
     read_run,
     recover,
     remove,
@@ -90,7 +95,7 @@ class Resumable:
     source: Source
 
 
-def resumable(path: str | Path, until: float | None = None) -> Resumable:
+def resumable(path: str | Path, until: float | None = None, mixed: bool = False) -> Resumable:
     """A run that can go on from its last checkpoint that can be read.
 
     Parameters
@@ -98,37 +103,41 @@ def resumable(path: str | Path, until: float | None = None) -> Resumable:
     path : of a run folder, or of the folder of a graph's runs: the newest one there, one that was
         killed included.
     until : a longer end of the run, in its unit of time.
+    mixed : whether it may go on although another version of the program began it.
 
     Raises
     ------
-    UsageError : there is no run, no checkpoint that can be used, or nothing is left to run.
+    UsageError : there is no run, no checkpoint that can be used, or nothing is left to run; or
+        another program began it.
     """
     folder = _newest(Path(path)) or run_folder(path)
     run = read_run(folder)
     graph = load(folder / RESOLVED)
     if until is not None:
         graph = graph.set("run.until", until)
-    source, tick = _last(folder)
+    source, header = _last(folder)
     if run.status == "stopped":
         raise UsageError(f"run.stop ended '{folder}' at t = {run.manifest['stopped_at']:g}")
     if run.status == "complete" and run.ticks >= graph.network.ticks:
         end, unit = graph.network.until, graph.network.time_unit
         raise UsageError(f"'{folder}' is complete up to {end:g} {unit}; --until is how it goes on")
     # A run that was killed while it was written has nothing left to run, but no metrics yet.
-    if tick > graph.network.ticks:
-        end = tick * graph.network.dt
+    if header["tick"] > graph.network.ticks:
+        end = header["tick"] * graph.network.dt
         raise UsageError(f"'{folder}' has come to {end:g} already; --until is how it goes on")
+    way_out = "'runtime replay' computes all of it again; --mixed goes on all the same"
+    _check_program(header, graph.network, f"'{folder}'", way_out, mixed)
     return Resumable(folder, graph, source)
 
 
-def last_checkpoint(place: Path) -> Source | None:
+def last_checkpoint(place: Path, network: Network) -> Source | None:
     """What a run goes on from whose attempts, all killed, are alone in a folder; None if nothing.
 
     What is older is removed.
 
     Raises
     ------
-    UsageError : the checkpoints are damaged.
+    UsageError : the checkpoints are damaged, or of another program.
     """
     folder = _newest(place)
     for each in leftovers(place) if place.is_dir() else ():
@@ -136,7 +145,18 @@ def last_checkpoint(place: Path) -> Source | None:
     for older in place.glob(f"*/{MANIFEST}"):
         if older.parent != folder:
             remove_tree(older.parent)
-    return None if folder is None or not _checkpoints(folder) else _last(folder)[0]
+    if folder is None or not _checkpoints(folder):
+        return None
+    source, header = _last(folder)
+    _check_program(header, network, "what was there", "its trial begins again")
+    return source
+
+
+def _check_program(
+    header: Mapping[str, Any], network: Network, what: str, way_out: str, mixed: bool = False
+) -> None:
+    """Check that the header of a checkpoint was written by the program that computes a graph."""
+    check_same_program([header.get("program", "")], program_of(network), what, way_out, mixed)
 
 
 def _checkpoints(folder: Path) -> list[Path]:
@@ -144,8 +164,8 @@ def _checkpoints(folder: Path) -> list[Path]:
     return [folder / name for name in (CHECKPOINT, BEFORE) if (folder / name).is_file()]
 
 
-def _last(folder: Path) -> tuple[Source, int]:
-    """The last checkpoint of a run that can be read, with its rows, and its tick."""
+def _last(folder: Path) -> tuple[Source, dict[str, Any]]:
+    """The last checkpoint of a run that can be read, with its rows, and its header."""
     checkpoints = _checkpoints(folder)
     if not checkpoints:
         raise UsageError(
@@ -156,7 +176,7 @@ def _last(folder: Path) -> tuple[Source, int]:
     wrong: list[str] = []
     for checkpoint in checkpoints:
         try:
-            return (checkpoint, rows), restored(checkpoint, rows)[0].tick
+            return (checkpoint, rows), restored(checkpoint, rows)[1]
         except UsageError as error:
             wrong.append(str(error))
     raise UsageError("; ".join(wrong))

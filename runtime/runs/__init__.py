@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         save_elsewhere,
     )
     from runtime.runs.equilibrium import Trim, trim
+    from runtime.runs.fingerprint import Program, check_same_program, program, program_of, versions
     from runtime.runs.folder import (
         CHECKPOINT,
         DIAGRAM,
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
         chosen_runner,
         result_of,
         simulate,
-        versions,
     )
     from runtime.runs.stability import Margins, margins, step_info
     from runtime.runs.tables import dataframe

@@ -38,6 +38,7 @@ from runtime.files import sha256, write_whole
 from runtime.memory import NotCopiedError, alike
 from runtime.observation import RunData
 from runtime.plan import Port
+from runtime.runs.fingerprint import program_of
 from runtime.runs.folder import CHECKPOINT, RESOLVED, read_arrays
 from runtime.streaming import save_arrays
 
@@ -163,6 +164,7 @@ def content(engine: Engine, graph: str = "") -> bytes:
         "wall_s": engine.wall_s,
         "watched": engine.diagnosis.seen,
         "graph": graph,
+        "program": str(program_of(engine.network)),
     }
     text = json.dumps(header, sort_keys=True)
     arrays["header"] = _as_array(text)

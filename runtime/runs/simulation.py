@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import math
-import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache, partial
-from importlib.metadata import PackageNotFoundError, distribution, version
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +27,7 @@ from runtime.errors import raised_at
 from runtime.network import Network
 from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
+from runtime.runs.fingerprint import versions
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -44,11 +43,6 @@ from runtime.terminal import readable_bytes
 if TYPE_CHECKING:
     from runtime.runs.checkpoint import Checkpoints
     from runtime.runs.pacing import Pacing
-
-PACKAGES = (
-    *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
-    "mujoco-core",
-)
 
 
 @dataclass(frozen=True)
@@ -376,21 +370,6 @@ def _order(program: Program) -> list[str]:
 
     probes = program.observation.probes
     return sorted(probes, key=lambda name: rank(probes[name]))
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a run's results depend on."""
-    result = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            # Parsing the metadata, which may contain a long description, takes 10 ms a package.
-            text = distribution(name).read_text("METADATA") or ""
-            line = text.partition("\nVersion: ")[2].partition("\n")[0]
-            result[name] = line.strip() or version(name)
-        except PackageNotFoundError:
-            result[name] = "not installed"
-    return result
 
 
 def _value_or_reason(

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from runtime.runs.simulation import versions
+from runtime.runs import versions
 from tests.studies import causes, kept, physics, rooms, variations, walls
 from tests.studies.cases import FRESH
 from tests.studies.claims import Claim, beyond, case_a, case_b

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import with_changes
 from runtime.cli.commands.workers import (
+    add_again,
     add_experiment,
     experiment_of,
     note_of,
@@ -60,6 +61,7 @@ def add(parser: ArgumentParser) -> None:
         default=[],
         help="the smallest difference that counts, as error=0.001 or 5%%; repeatable",
     )
+    add_again(parser)
     add_experiment(parser, "ablation", "ablations", "0..9", variants=True)
 
 

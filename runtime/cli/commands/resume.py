@@ -32,6 +32,11 @@ def add(parser: ArgumentParser) -> None:
         metavar="TIME",
         help="the time between two further checkpoints (60s)",
     )
+    parser.add_argument(
+        "--mixed",
+        action="store_true",
+        help="go on although another version of the program began the run: its numbers may differ",
+    )
     add_real_time(parser)
     add_output(parser, "runs", "run folders")
     parser.set_defaults(vs=None, labels="", animate=False, profile=False, watch=False)
@@ -42,7 +47,7 @@ def run(options: Namespace) -> int:
     from runtime.graph import resumable
 
     options.checkpoint = options.checkpoint or EVERY
-    found = resumable(options.run, options.until)
+    found = resumable(options.run, options.until, options.mixed)
     if not (options.quiet or options.json):
         tell(f"going on with {found.folder}")
     return finished(options, found.graph.check(), None, found.source).code

@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from runtime.cli.commands.workers import (
+    add_again,
     add_experiment,
     add_factors,
     experiment_of,
@@ -40,6 +41,7 @@ def add(parser: ArgumentParser) -> None:
         metavar="WHICH",
         help="trials that keep a run folder: all, failed, best:N or none (none)",
     )
+    add_again(parser)
     add_experiment(parser, "sweep", "sweeps", "the graph's own seed")
 
 

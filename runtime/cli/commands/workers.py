@@ -8,11 +8,12 @@ In: options as argparse read them. Out: the experiment that they ask for, and ho
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from blocks.core import hint
 from runtime.arguments import Once, add_output, at_least, integer, show_folder
 from runtime.arguments import seconds as clock
 from runtime.cli.commands.changes import add_changes, changed
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from runtime.terminal import Progress
 
 MAX_JOBS = 4096
+AGAIN = ("lost", "failed", "invalid", "timeout")
 # The options that are entries of an experiment file, too.
 ENTRIES = (
     *("seeds", "held_out", "random", "sobol", "sampling_seed", "minimize", "maximize"),
@@ -52,6 +54,11 @@ def add_experiment(
         "--resume", action="store_true", help=f"continue the {kind} in DIR/NAME, if it is there"
     )
     parser.add_argument("--seeds", metavar="SEEDS", help=f"0..9, 3, or 0,4,7..9 ({seeds})")
+    parser.add_argument(
+        "--mixed",
+        action="store_true",
+        help="accept rows and workers of another version of the program: numbers may differ",
+    )
     jobs = integer(1, MAX_JOBS)
     parser.add_argument(
         "-j", "--jobs", type=jobs, metavar="N", help="worker processes (one per processor)"
@@ -74,6 +81,28 @@ def add_experiment(
     )
     add_output(parser, folder, folder)
     add_changes(parser, seed=False, variants=variants)
+
+
+def add_again(parser: ArgumentParser) -> None:
+    """Declare ``--again``, for experiments whose trials do not depend on each other."""
+    parser.add_argument(
+        "--again",
+        type=_statuses,
+        metavar="STATUSES",
+        default=("lost",),
+        help="with --resume: run trials of these statuses again, as lost,failed,invalid (lost)",
+    )
+
+
+def _statuses(text: str) -> tuple[str, ...]:
+    """The type of ``--again``."""
+    found = tuple(part.strip() for part in text.split(",") if part.strip())
+    for status in found:
+        if status not in AGAIN:
+            raise ArgumentTypeError(
+                f"expected some of {', '.join(AGAIN)}, got '{status}'{hint(status, AGAIN)}"
+            )
+    return found
 
 
 def add_factors(parser: ArgumentParser) -> None:
@@ -121,16 +150,22 @@ def experiment_of(options: Namespace, variants: Named = ()) -> Experiment:
 def run_options(options: Namespace, name: str) -> RunOptions:
     """How the experiment of this name is run: in which folder, by which workers."""
     from runtime.experiments.design import ON_COMMAND_LINE
-    from runtime.experiments.execution import RunOptions, pool_factory
+    from runtime.experiments.execution import LOST, RunOptions, pool_factory
 
     return RunOptions(
         Path(options.out) / name,
-        pool_factory(options.jobs, options.scheduler, options.timeout, options.checkpoint),
+        pool_factory(
+            *(options.jobs, options.scheduler, options.timeout, options.checkpoint),
+            mixed=options.mixed,
+            note=note_of(options),
+        ),
         options.resume,
         getattr(options, "keep", "none"),
         options.timeout,
         ON_COMMAND_LINE,
         options.checkpoint,
+        options.mixed,
+        getattr(options, "again", (LOST,)),
     )
 
 

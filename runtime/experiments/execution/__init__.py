@@ -8,6 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.experiments.execution.checksums import check_entries, write_checked
+    from runtime.experiments.execution.cluster import pool_factory
     from runtime.experiments.execution.folder import (
         DIAGRAMS,
         PLAN,
@@ -51,8 +52,9 @@ if TYPE_CHECKING:
         save_trial,
     )
     from runtime.experiments.execution.runner import run_all, run_trials
+    from runtime.experiments.execution.starts import Start
     from runtime.experiments.execution.trials import Configuration, Trial
-    from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
-    from runtime.experiments.execution.worker_pool import WorkerPool, pool_factory
+    from runtime.experiments.execution.worker import LOST, TRAJECTORY_PLOTS, Task, TrialResult
+    from runtime.experiments.execution.worker_pool import WorkerPool
 else:
     __getattr__ = door(__name__)

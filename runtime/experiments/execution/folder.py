@@ -30,10 +30,10 @@ from runtime.experiments.execution.plan import (
     ExperimentPlan,
 )
 from runtime.experiments.execution.trials import GraphBundle, Trial
-from runtime.experiments.execution.worker import Task
+from runtime.experiments.execution.worker import LOST, Task
 from runtime.experiments.execution.worker_pool import WorkerPool
 from runtime.files import check_form, remove_tree, system_errors, write_whole
-from runtime.runs import DIAGRAM
+from runtime.runs import DIAGRAM, Program
 
 READ_VERSIONS = (1, SCHEMA_VERSION)
 PLAN, SUMMARY = "plan.yaml", "summary.json"
@@ -48,21 +48,25 @@ class RunOptions:
     Parameters
     ----------
     folder : where it is written.
-    make_pool : makes the worker pool, once everything else has been checked.
+    make_pool : makes the worker pool for a program, once everything else has been checked.
     resume : whether an experiment that is there is continued.
     keep : which trials of a sweep leave a run folder.
     timeout : time limit of a trial in seconds.
     option : how an option is written in messages, ``--{}`` on a command line.
     checkpoint : the time between two checkpoints of a trial (s of the clock); None for none.
+    mixed : whether rows of another version of the program may be continued.
+    again : the statuses whose rows are removed, so that their trials run again.
     """
 
     folder: Path
-    make_pool: Callable[[], WorkerPool]
+    make_pool: Callable[[Program], WorkerPool]
     resume: bool = False
     keep: str = "none"
     timeout: float | None = None
     option: str = "{}"
     checkpoint: float | None = None
+    mixed: bool = False
+    again: tuple[str, ...] = (LOST,)
 
     def task(self, trial: Trial, **how: Any) -> Task:
         """How to run a trial; ``how`` as for :class:`Task`."""
@@ -95,14 +99,14 @@ def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
     if not (folder / PLAN).exists():
         raise UsageError(
             f"'{folder}' exists already, and is not the folder of a {plan.kind} (it has no {PLAN});"
-            f" {_other(plan, option)} begins one elsewhere"
+            f" {elsewhere(plan, option)} begins one elsewhere"
         )
     _check_same(plan, folder, option)
     if not options.resume:
         resume = "--resume" if option == ON_COMMAND_LINE else "resume=True"
         raise UsageError(
             f"'{folder}' exists already; {resume} continues it, "
-            f"{_other(plan, option)} begins another {plan.kind}"
+            f"{elsewhere(plan, option)} begins another {plan.kind}"
         )
     try:
         read_plan(folder)
@@ -112,7 +116,7 @@ def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
             write_plan(plan, folder)
 
 
-def _other(plan: ExperimentPlan, option: str) -> str:
+def elsewhere(plan: ExperimentPlan, option: str) -> str:
     """The option that chooses another folder."""
     return "--name NAME" if option == ON_COMMAND_LINE else "another folder"
 
@@ -219,7 +223,7 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
         differing.append("the graph")
     raise UsageError(
         f"'{folder}' belongs to a different plan, which differs in {'; '.join(differing)}; "
-        f"{_other(plan, option)} begins another {plan.kind} beside it"
+        f"{elsewhere(plan, option)} begins another {plan.kind} beside it"
     )
 
 

@@ -14,7 +14,7 @@ import math
 import os
 import re
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ from typing import Protocol, get_args
 from runtime.errors import UsageError, one_line
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Status, TrialResult
-from runtime.files import lock, open_file
+from runtime.files import lock, open_file, write_whole
 
 FIRST, MIDDLE, LAST = ("trial",), ("seed", "status", "reason"), ("signals", "check", "wall_s")
 RESERVED = (*FIRST, *MIDDLE, *LAST)
@@ -220,19 +220,31 @@ class Index:
     holds complete lines and at most one incomplete last line, which is cut off when the index is
     opened again. If a row does not fit on the disk, the rows before it stay readable.
 
+    Parameters
+    ----------
+    again : statuses whose rows are removed first, so that their trials run again.
+
     Raises
     ------
     UsageError : the file cannot be written, or another process is writing it.
     """
 
-    def __init__(self, path: Path, columns: Columns) -> None:
+    def __init__(self, path: Path, columns: Columns, again: Collection[str] = ()) -> None:
         self.path = path
         self.columns = columns
+        self._open()
+        if again and any(row.status in again for row in self.rows()):
+            kept = [row for row in self.rows() if row.status not in again]
+            write_whole(path, "".join([csv_line(columns.header), *map(columns.line, kept)]))
+            self.close()
+            self._open()
+
+    def _open(self) -> None:
         with _write_errors(self.path):
-            self._file = open_file(path, os.O_RDWR | os.O_APPEND)
+            self._file = open_file(self.path, os.O_RDWR | os.O_APPEND)
         try:
             if not lock(self._file):
-                raise UsageError(f"'{path}' is being written by another process")
+                raise UsageError(f"'{self.path}' is being written by another process")
             self._cut_incomplete_line()
         except BaseException:
             os.close(self._file)

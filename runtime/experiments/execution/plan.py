@@ -45,6 +45,7 @@ from runtime.experiments.execution.trials import (
     trials_of,
 )
 from runtime.graph import Graph
+from runtime.runs import Program, program_of
 
 # 1: the number of trials was called points, and the origin of a plan made.
 SCHEMA_VERSION = 2
@@ -185,8 +186,13 @@ class ExperimentPlan:
         return entries
 
     @property
+    def program(self) -> Program:
+        """What computes the trials."""
+        return program_of(self.graph.network, *(each.graph.network for each in self.variants))
+
+    @property
     def digest(self) -> str:
-        """A hash of everything that the numbers depend on."""
+        """A hash of everything that the numbers depend on, but for the program."""
         # The objective is no part of it: it ranks trials and changes none, so that a sweep may be
         # continued with another one.
         digests = [self.bundle.digest, *(variant.bundle.digest for variant in self.variants)]
@@ -243,6 +249,7 @@ class ExperimentPlan:
                 "source": str(source) if source else None,
                 "changes": [str(change) for change in self.graph.overrides],
                 "versions": versions(),
+                "program": str(self.program),
                 "git": git_commit(),
             },
         }

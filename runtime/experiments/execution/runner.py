@@ -6,24 +6,24 @@ In: an iterator of trials, and a worker pool. Out: (trial, result) in the order 
 
 Where a call costs more than a short trial, on a cluster, several trials are one call. If it fails,
 each of them is a call of its own from then on, so that a trial which ends workers ends no other.
+Trials whose worker died come last: if one of them ends every worker, all others have ended by then.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from itertools import islice
 
 from runtime.errors import UsageError, one_line
+from runtime.experiments.execution.starts import Start
 from runtime.experiments.execution.trials import Trial
-from runtime.experiments.execution.worker import Task, TrialResult, run_tasks
-from runtime.experiments.execution.worker_pool import WorkerPool
+from runtime.experiments.execution.worker import LOST, Task, TrialResult, run_tasks
+from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit
 from runtime.terminal import Progress
 
-# A worker that was killed by chance costs its trial another try. A trial that itself ends workers,
-# mostly because memory runs out, must not be tried for ever.
-ATTEMPTS = 3
 # A call of several trials takes about so long: it is what the death of a worker costs at most, and
 # how much later than the others the last worker ends.
 CALL_SECONDS = 0.5
@@ -44,15 +44,20 @@ class _Sender:
     ) -> None:
         self.trials, self.pool, self.task = trials, pool, task
         self.running: dict[Future[list[TrialResult]], _Call] = {}
+        self.suspects: deque[_Call] = deque()
         self.seconds = CALL_SECONDS  # that a trial takes: one in a call until that is known
 
     def fill(self) -> None:
         """Send trials until all workers have enough to do."""
         while len(self.running) < self.pool.width():
             number = min(self.pool.most, max(1, int(CALL_SECONDS / max(self.seconds, 1e-6))))
-            if not (some := tuple(islice(self.trials, number))):
+            if some := tuple(islice(self.trials, number)):
+                self.send(some, 1)
+            elif self.suspects:
+                suspect = self.suspects.popleft()
+                self.send(suspect.trials, suspect.attempt)
+            else:
                 return
-            self.send(some, 1)
 
     def send(self, trials: tuple[Trial, ...], attempt: int) -> None:
         call = self.pool.executor.submit(run_tasks, [self.task(trial) for trial in trials])
@@ -70,9 +75,16 @@ class _Sender:
             results = future.result()
         except self.pool.deaths as error:
             self.pool.check()
-            if len(call.trials) > 1 or call.attempt < ATTEMPTS:
-                return self._again(call, call.attempt + 1)
-            failure = TrialResult("lost", _lost(error))
+            # A call of several is no attempt of each: which of them ended the worker is not known.
+            if len(call.trials) > 1 or call.attempt < self.pool.attempts:
+                attempt = 1 if self.pool.attempts == 1 else call.attempt + 1
+                self.suspects += [_Call((trial,), attempt) for trial in call.trials]
+                return []
+            failure = TrialResult(LOST, _lost(error, self.pool.attempts))
+        except WorkerUnfit as error:
+            self.pool.leave_out(error)
+            self.send(call.trials, call.attempt)
+            return []
         except TimeoutError as error:
             failure = TrialResult("timeout", str(error))
         except UsageError:
@@ -82,19 +94,15 @@ class _Sender:
             raise UsageError(f"the workers cannot run trials: {message}") from error
         except Exception as error:  # noqa: BLE001 -- such as a result too large to send
             if len(call.trials) > 1:
-                return self._again(call, call.attempt)
+                for trial in call.trials:
+                    self.send((trial,), call.attempt)
+                return []
             failure = TrialResult("failed", one_line(f"{type(error).__name__}: {error}"))
         else:
             spent = sum(result.wall_s for result in results) / len(results)
             self.seconds += (spent - self.seconds) / 4
             return zip(call.trials, results, strict=True)
         return [(trial, failure) for trial in call.trials]
-
-    def _again(self, call: _Call, attempt: int) -> list[tuple[Trial, TrialResult]]:
-        """Send each trial of a call again, alone; none has a result."""
-        for trial in call.trials:
-            self.send((trial,), attempt)
-        return []
 
 
 def run_trials(
@@ -105,8 +113,8 @@ def run_trials(
 ) -> Iterator[tuple[Trial, TrialResult]]:
     """Run trials in parallel; yields each as its call ends.
 
-    A trial whose worker died is repeated, up to ``ATTEMPTS`` times in total. Any other error of a
-    call makes that trial fail, unless no worker could run any trial.
+    A trial whose worker died is sent ``pool.attempts`` times in total. Any other error of a call
+    makes that trial fail, unless no worker could run any trial.
 
     Parameters
     ----------
@@ -127,7 +135,7 @@ def run_trials(
 
 def run_all(
     trials: Iterator[Trial],
-    make_pool: Callable[[], WorkerPool],
+    start: Start,
     task: Callable[[Trial], Task],
     record: Callable[[Trial, TrialResult], None],
     progress: Progress,
@@ -135,23 +143,30 @@ def run_all(
 ) -> bool:
     """Run trials and record each as it ends; False if Ctrl-C interrupted them."""
     finished = False
-    pool = make_pool()
-    try:
+    pool = start.pool()
+
+    def watch() -> None:
+        progress.workers = pool.workers()
         idle()
-        for trial, result in run_trials(trials, pool, task, idle):
+
+    try:
+        watch()
+        for trial, result in run_trials(trials, pool, task, watch):
             record(trial, result)
         finished = True
     except KeyboardInterrupt:
         pass
     finally:
         pool.leave(finished)
+        start.end(pool)
         progress.close()
     return finished
 
 
-def _lost(error: BaseException) -> str:
+def _lost(error: BaseException, attempts: int) -> str:
     """Why a trial was abandoned: how its last worker ended."""
-    message = f"its worker died {ATTEMPTS} times, the last time: {error or type(error).__name__}"
+    times = f" {attempts} times, the last time" if attempts > 1 else ""
+    message = f"its worker died{times}: {error or type(error).__name__}"
     if "SIGKILL" in message:
         message += "; if memory ran out, use fewer workers with --jobs"
     return one_line(message)

@@ -12,6 +12,7 @@ import atexit
 import hashlib
 import json
 import math
+import pickle
 import re
 import shutil
 import tempfile
@@ -22,11 +23,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from blocks.core import FloatArray
+from blocks.registry import blocks_of_module
 from runtime.document import parse_scalar, parse_yaml, rename_files, with_folder
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective, shown_probe
@@ -34,9 +36,10 @@ from runtime.experiments.execution.trials import GraphBundle, Trial
 from runtime.files import write_whole
 from runtime.graph import Graph, RepeatedRuns, load
 from runtime.observation import CRASHED, Metric
-from runtime.runs import Result
+from runtime.runs import Result, program
 from runtime.streaming import row_blocks
 
+LOST: Final = "lost"  # its worker died
 Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 # What a trial records besides its metrics: nothing, its trajectory, or all plots of the graph.
 Record = Literal["metrics", "trajectory", "all"]
@@ -83,6 +86,7 @@ class TrialResult:
     wall_s : in seconds.
     signals : for each metric a hash of the signals that it measured.
     series : for each signal of the task its times (s) and values, of at most :data:`POINTS` rows.
+    missing : what a block could not import; other workers may have it.
     """
 
     status: Status
@@ -92,6 +96,7 @@ class TrialResult:
     result: Result | None = None
     signals: dict[str, str] = field(default_factory=dict)
     series: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    missing: str = ""
 
 
 class Deadline:
@@ -115,7 +120,7 @@ class Deadline:
 def run_task(task: Task) -> TrialResult:
     """Run a trial; any error is part of the result."""
     deadline = Deadline(task.timeout)
-    status, reason, result, runs = _ended(task, deadline)
+    status, reason, result, runs, missing = _ended(task, deadline)
     if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
@@ -132,6 +137,7 @@ def run_task(task: Task) -> TrialResult:
         result=result if is_kept else None,
         signals={} if result is None or status != "ok" else _signals(measured, result),
         series={} if result is None else dict(_series(task.signals, result)),
+        missing=missing,
     )
     # The next run overwrites what this one has recorded.
     if runs is not None and not is_kept:
@@ -139,10 +145,18 @@ def run_task(task: Task) -> TrialResult:
     return done
 
 
-def _ended(
-    task: Task, deadline: Deadline
-) -> tuple[Status, str, Result | None, RepeatedRuns | None]:
-    """How a trial ended and why, with its result and the runs of its graph, as far as it came."""
+class _Ended(NamedTuple):
+    """How a trial ended and why, as far as it came, and what a block could not import."""
+
+    status: Status
+    reason: str
+    result: Result | None = None
+    runs: RepeatedRuns | None = None
+    missing: str = ""
+
+
+def _ended(task: Task, deadline: Deadline) -> _Ended:
+    """Run the graph of a task."""
     runs = None
     try:
         runs = _taken(task)
@@ -154,27 +168,67 @@ def _ended(
             own = folder / task.trial.digest[:32], every
             result = runs.run_with_checkpoints(values, seed, own, deadline, bool(task.keep))
     except GraphError as error:
-        return "invalid", str(error), None, runs
+        return _Ended("invalid", str(error), None, runs)
     except SimulationError as error:
-        return (
-            "failed",
-            str(error),
-            error.result if isinstance(error.result, Result) else None,
-            runs,
-        )
+        partial = error.result if isinstance(error.result, Result) else None
+        return _Ended("failed", str(error), partial, runs, _failed_import(error.__cause__))
     except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
-        return "failed", f"{type(error).__name__}: {error}", None, runs
+        reason = f"{type(error).__name__}: {error}"
+        return _Ended("failed", reason, None, runs, _failed_import(error))
     if result.status not in ("complete", "stopped"):
         # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
         reason = f"a block raised KeyboardInterrupt at tick {result.ticks}"
-        return "failed", reason, result, runs
+        return _Ended("failed", reason, result, runs)
     # What a single run has as a note: its numbers are not those of the compiled engine.
-    return "ok", "; ".join(result.manifest["engine_notes"]), result, runs
+    return _Ended("ok", "; ".join(result.manifest["engine_notes"]), result, runs)
 
 
 def run_tasks(tasks: Sequence[Task]) -> list[TrialResult]:
     """Run several trials, one after the other."""
     return [run_task(task) for task in tasks]
+
+
+def run_sent(message: bytes) -> dict[str, Any]:
+    """Run the trials of a message in a worker of a cluster, if it computes what the others do.
+
+    Returns
+    -------
+    dict : ``kind``, which is ``results``, ``unfit`` or ``mixed``, and ``value``: the results as
+        bytes, what is missing, or the program of this process.
+    """
+    tasks, expected = pickle.loads(message)
+    try:
+        if expected is not None and expected != (here := program(expected.packages)):
+            return {"kind": "mixed", "value": str(here)}
+    except ImportError as error:
+        return {"kind": "unfit", "value": one_line(f"{type(error).__name__}: {error}")}
+    results = []
+    for task in tasks:
+        result = run_task(task)
+        # The graph was checked where it was sent from, with all that its own files import.
+        if missing := result.missing or _missing(task.trial.configuration.bundle, result):
+            return {"kind": "unfit", "value": missing}
+        results.append(result)
+    return {"kind": "results", "value": pickle.dumps(results)}
+
+
+def _missing(bundle: GraphBundle, result: TrialResult) -> str:
+    """What the Python files of an invalid graph import and this process lacks; '' for nothing."""
+    if result.status == "invalid":
+        for name, _ in bundle.beside:
+            if name.endswith(".py"):
+                try:
+                    blocks_of_module(_write_files(bundle) / name)
+                except ImportError as error:
+                    return one_line(f"{name}: {type(error).__name__}: {error}")
+                except BaseException:  # noqa: BLE001 -- any other error is the file's own
+                    continue
+    return ""
+
+
+def _failed_import(error: BaseException | None) -> str:
+    """What could not be imported; '' for another error."""
+    return one_line(f"{type(error).__name__}: {error}") if isinstance(error, ImportError) else ""
 
 
 def _values(metrics: list[Metric], result: Result, status: Status) -> dict[str, float | None]:

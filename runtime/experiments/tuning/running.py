@@ -22,6 +22,7 @@ from runtime.experiments.execution import (
     Index,
     Row,
     RunOptions,
+    Start,
     Trial,
     WorkerPool,
     check_row,
@@ -167,7 +168,8 @@ class _Runner:
                 check_row(trial, rows[trial.number], index.path)
         if missing:
             if self.pool is None:
-                self.pool = self.options.make_pool()
+                self.start = Start(self.plan, self.options, bool(self.done or rows))
+                self.pool = self.start.pool()
                 self.progress.resume(self.done)
             for trial, done in run_trials(iter(missing), self.pool, self.options.task):
                 row = Row.of(trial, done, self.plan.metrics)
@@ -180,6 +182,7 @@ class _Runner:
         self.progress.close()
         if self.pool is not None:
             self.pool.leave(self.finished)
+            self.start.end(self.pool)
 
 
 class _Training:

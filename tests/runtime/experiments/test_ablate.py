@@ -78,7 +78,14 @@ def test_what_a_folder_holds(here: Run, draw: Path, tmp_path: Path) -> None:
     assert {**facts, "checks": written["checks"]} == {**written, "plots": facts["plots"]}
     assert [Path(plot).name for plot in facts["plots"]] == ["ablation.png"]
     assert {path.name for path in folder.iterdir()} == {
-        *("plan.yaml", "graph.resolved.yaml", "own.py", "index.csv", "ablation.json"),
+        *(
+            "plan.yaml",
+            "graph.resolved.yaml",
+            "own.py",
+            "index.csv",
+            "ablation.json",
+            "starts.jsonl",
+        ),
         *("diagram.json", "variants", "diagrams", "runs", "plots"),
     }
     plan = parse_yaml((folder / "plan.yaml").read_text(), "plan").plain()

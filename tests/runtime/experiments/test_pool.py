@@ -13,6 +13,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +24,7 @@ from runtime.errors import UsageError
 from runtime.experiments.execution.runner import run_trials
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, TrialResult
-from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
+from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit, local_pool
 from runtime.experiments.processes import choice, messages, process_executor, spawner
 from runtime.experiments.processes.forkserver import ForkServer
 from runtime.experiments.processes.process_executor import ProcessExecutor, WorkerDied
@@ -546,3 +547,35 @@ def test_a_process_that_ends_with_calls_in_the_queue_ends_in_silence() -> None:
         [sys.executable, "-c", LEAVING], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (3, "", "")
+
+
+def test_trials_whose_worker_died_come_last() -> None:
+    """Where workers do not come back, one that ends each of them costs no other trial."""
+
+    def answer(task: Task, tries: int) -> Any:
+        return BrokenExecutor("gone") if task.trial.number == 2 else TrialResult("ok")
+
+    fake = Fake(answer)
+    list(run_trials(map(trial, range(30)), pool_of(fake), Task))
+    assert [number for call in fake.calls for number in call][-2:] == [2, 2]
+    assert len(fake.calls) == 32
+
+
+def test_a_pool_that_tries_calls_again_itself_gives_a_trial_one_attempt() -> None:
+    fake = Fake(lambda task, tries: BrokenExecutor("gone"))
+    pool = replace(pool_of(fake), attempts=1)
+    [(_, done)] = run_trials(map(trial, range(1)), pool, Task)
+    assert (done.status, done.reason) == ("lost", "its worker died: gone")
+    assert fake.tries == {0: 1}
+
+
+def test_a_trial_of_an_unfit_worker_goes_to_another_one() -> None:
+    left_out = []
+
+    def answer(task: Task, tries: int) -> Any:
+        return WorkerUnfit("tcp://a:1", "no module") if tries == 1 else TrialResult("ok")
+
+    pool = replace(pool_of(Fake(answer)), leave_out=lambda error: left_out.append(error.address))
+    ended = dict(run_trials(map(trial, range(4)), pool, Task))
+    assert {done.status for done in ended.values()} == {"ok"}
+    assert left_out == ["tcp://a:1"] * 4

@@ -9,6 +9,8 @@ import re
 import resource
 import shutil
 from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +19,10 @@ import runtime
 from runtime.document.node import parse_yaml
 from runtime.experiments.design.experiment import read_experiment
 from runtime.experiments.design.request import Request
+from runtime.experiments.execution.folder import read_plan
+from runtime.experiments.execution.index import Columns, Index
 from runtime.experiments.execution.plan import sweep_plan
+from runtime.runs import program
 from tests.compilers import needs_compiler
 from tests.conftest import Run
 from tests.runtime.experiments.graphs import normal
@@ -496,3 +501,59 @@ def test_a_seed_of_a_sweep_is_a_seed_of_a_run(here: Run, tmp_path: Path) -> None
             # "never settled" is the worst value, not a missing one.
             never = "inf" if name in graph.check().observation.metric_never else ""
             assert row[name] == (never if value is None else repr(value))
+
+
+def test_rows_of_two_programs_are_not_mixed_unless_it_is_asked_for(
+    here: Run, draw: Path, tmp_path: Path
+) -> None:
+    sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]")
+    assert here(*sweep).returncode == 0
+    folder = tmp_path / "sweeps" / "draw"
+    index, starts = folder / "index.csv", folder / "starts.jsonl"
+    whole = index.read_text()
+    record = json.loads(starts.read_text())
+    assert record["program"] == str(program())
+    starts.write_text(starts.read_text().replace(program().fingerprint, "0123456789ab"))
+    # Nothing is left to run, so that nothing is mixed.
+    assert here(*sweep, "--resume").returncode == 0
+
+    index.write_text("".join(whole.splitlines(keepends=True)[:2]))
+    done = here(*sweep, "--resume")
+    assert done.returncode == 2
+    assert "'spikeblocks 0.1.0 (0123456789ab)'; this is" in done.stderr
+    assert f"'{program()}'" in done.stderr and "--mixed" in done.stderr
+    assert len(rows(folder)) == 1
+    starts.unlink()
+    done = here(*sweep, "--resume")
+    assert done.returncode == 2 and "one that left no record" in done.stderr
+    assert here(*sweep, "--resume", "--mixed").returncode == 0
+    assert len(rows(folder)) == 2
+
+
+def test_trials_of_some_statuses_run_again(here: Run, draw: Path, tmp_path: Path) -> None:
+    mark = tmp_path / "mark"
+    sweep = (
+        *TWO,
+        "--no-plots",
+        "--vary",
+        "draw.how=[fine, die once]",
+        "--set",
+        f"draw.mark={mark}",
+    )
+    folder = tmp_path / "sweeps" / "draw"
+    assert here(*sweep).returncode == 0
+    expected = rows(folder)
+    index = folder / "index.csv"
+    path = (index, Columns(("draw.how",), tuple(read_plan(folder)["metrics"])))
+    with closing(Index(*path)) as opened:
+        found = list(opened.rows())
+    index.unlink()
+    Index.create(*path)
+    with closing(Index(*path)) as opened:
+        opened.append(found[0])
+        opened.append(replace(found[1], status="lost", reason="its worker died"))
+    assert here(*sweep, "--resume").returncode == 0
+    assert rows(folder) == expected
+
+    done = here(*sweep, "--resume", "--again", "lots")
+    assert done.returncode == 2 and "did you mean 'lost'?" in done.stderr

@@ -22,6 +22,7 @@ from runtime.engine import Engine, adopt
 from runtime.graph import resumable
 from runtime.runs import chosen_runner
 from runtime.runs.checkpoint import content, restored
+from runtime.runs.fingerprint import Program
 from tests.conftest import Run
 from tests.examples import examples
 from tests.runtime.sessions.test_session import ENGINES, FOLDER, NAMES, QUICK, SERVO
@@ -192,6 +193,19 @@ def test_a_checkpoint_of_another_graph_is_refused(cli: Run, tmp_path: Path) -> N
     assert resumable(folder, 0.2).source[0].name == "checkpoint.npz"
     with pytest.raises(runtime.UsageError, match="is complete up to 0.05 s"):
         resumable(folder, 0.05)
+
+
+def test_a_checkpoint_of_another_program_is_refused(
+    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "servo.yaml").write_text(runtime.load(SERVO).to_yaml())
+    assert cli("run", "servo.yaml", "--checkpoint", "1h", "--no-plots", "-q").returncode == 0
+    folder = (tmp_path / "runs" / "servo" / "latest").resolve()
+    other = Program("0.1.0", "0123456789ab")
+    monkeypatch.setattr("runtime.graph.replaying.program_of", lambda *networks: other)
+    with pytest.raises(runtime.UsageError, match=r"by another program.*this is '.*0123456789ab"):
+        resumable(folder, 0.2)
+    assert resumable(folder, 0.2, mixed=True).source[0].name == "checkpoint.npz"
 
 
 def test_what_no_file_can_hold_is_named() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from runtime.experiments.analysis.statistics import CORRECTION, LEVEL
-from runtime.runs.simulation import versions
+from runtime.runs import versions
 from tests.studies.ablation.conclusions import conclusions, opening, overview
 from tests.studies.ablation.judge import MARGIN, Judged
 from tests.studies.ablation.tables import worth

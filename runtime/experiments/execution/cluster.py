@@ -1,0 +1,265 @@
+"""The workers of a Dask cluster as an executor of trials.
+
+In: the address of a scheduler, and the program that computes here. Out: :class:`WorkerPool`; from
+:func:`pool_factory` one of processes on this machine where there is no address.
+
+A call reaches a worker as bytes, with a function that is sent by value. A worker that lacks this
+package, or has an older one, could not even read a call otherwise: it would end itself, and the
+call would wait for ever. So it answers instead::
+
+    "results"   what the trials gave, as bytes
+    "unfit"     something cannot be imported there: the call goes to another worker
+    "mixed"     it has another version of this package: numbers could differ, and the sweep ends
+"""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import time
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Executor, Future
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from runtime.engine import silent
+from runtime.errors import MissingExtraError, UsageError
+from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit, local_pool
+from runtime.runs import Program
+from runtime.toolchain import processors
+
+Note = Callable[[str], None]
+
+# A cluster's scheduler and client take 6 ms a call, as long as a short trial.
+MOST_IN_CALL = 50
+CONNECT_TIMEOUT = 10.0  # s; time limit for a cluster's scheduler to answer
+SILENT_WAIT = 3.0  # s without a worker until that is said
+LONGEST_WAIT = 60.0  # s without a worker until the experiment ends
+
+
+@dataclass
+class _Worker:
+    """What is known of one worker: when it was seen, and what it has answered."""
+
+    address: str
+    versions: dict[str, str] = field(default_factory=dict)
+    trials: int = 0
+    has_left: bool = False
+    unfit: str = ""
+
+
+def _remote_call() -> Callable[[bytes], dict[str, Any]]:
+    """The function that workers run, made such that it is sent by value: it is in no module."""
+
+    def call(message: bytes) -> dict[str, Any]:
+        import platform
+
+        from distributed import get_worker
+
+        answer: dict[str, Any] = {"worker": get_worker().address}
+        answer["versions"] = {"python": platform.python_version()}
+        try:
+            from importlib.metadata import version
+
+            answer["versions"]["spikeblocks"] = version("spikeblocks")
+            from runtime.experiments.execution.worker import run_sent
+        except ImportError as error:
+            return {**answer, "kind": "unfit", "value": f"{type(error).__name__}: {error}"}
+        return {**answer, **run_sent(message)}
+
+    return call
+
+
+class ClusterExecutor(Executor):
+    """Calls of trials on the workers of a cluster, of which those that are unfit are left out.
+
+    Parameters
+    ----------
+    client : of Dask. address : of its scheduler, for messages.
+    program : what computes here. mixed : whether workers may have another one.
+    note : receives that workers are waited for, or left out.
+    """
+
+    def __init__(self, client: Any, address: str, program: Program, mixed: bool, note: Note):
+        self.client, self.address, self.program = client, address, program
+        self.mixed, self.note = mixed, note
+        self.workers: dict[str, _Worker] = {}
+        self._call = _remote_call()
+        self._began = time.monotonic()
+        self._without: float | None = self._began  # since when there is no worker
+        self._has_said = False
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Send tasks; ``fn`` is what a worker of this machine would be called with."""
+        (tasks,) = args
+        fit = self.fit()
+        # Loosely: a worker that joins later may take the call of one that has left.
+        chosen = {"workers": fit, "allow_other_workers": True} if fit and self._unfit() else {}
+        executor = self.client.get_executor(pure=False, **chosen)
+        expected = None if self.mixed else self.program
+        inner = executor.submit(self._call, pickle.dumps((tasks, expected)))
+        outer: Future[Any] = Future()
+        inner.add_done_callback(lambda done: self._answered(done, outer, len(tasks)))
+        return outer
+
+    def _answered(self, inner: Future[Any], outer: Future[Any], number: int) -> None:
+        """Give what a worker has answered to the future that the caller has."""
+        try:
+            answer = inner.result()
+        except BaseException as error:  # noqa: BLE001 -- of Dask, and of what foreign code raises
+            outer.set_exception(error)
+            return
+        worker = self.workers.setdefault(answer["worker"], _Worker(answer["worker"]))
+        worker.versions = answer["versions"]
+        kind, value = answer["kind"], answer["value"]
+        if kind == "results":
+            worker.trials += number
+            outer.set_result(pickle.loads(value))
+        elif kind == "mixed":
+            outer.set_exception(
+                UsageError(
+                    f"worker {worker.address} has another program, '{value}'; this is "
+                    f"'{self.program}', and the numbers may differ. Install the same one there; "
+                    "--resume continues with it, --mixed computes with both"
+                )
+            )
+        else:
+            outer.set_exception(WorkerUnfit(worker.address, value))
+
+    def leave_out(self, error: WorkerUnfit) -> None:
+        """Send no more calls to a worker.
+
+        Raises
+        ------
+        UsageError : no other one is left.
+        """
+        worker = self.workers.setdefault(error.address, _Worker(error.address))
+        if not worker.unfit:
+            worker.unfit = error.reason
+            self.note(f"worker {error.address} is left out: {error.reason}")
+        if not self.fit():
+            reasons = "; ".join(f"{each.address}: {each.unfit}" for each in self._unfit())
+            raise UsageError(
+                f"--scheduler {self.address}: no worker can run trials: {reasons}; install what "
+                "is missing there, and --resume continues"
+            )
+
+    def fit(self) -> list[str]:
+        """The addresses of the workers that are there and can run trials."""
+        there = self._threads()
+        for address in there:
+            self.workers.setdefault(address, _Worker(address)).has_left = False
+        for address, worker in self.workers.items():
+            worker.has_left = address not in there
+        return [address for address in there if not self.workers[address].unfit]
+
+    def width(self) -> int:
+        """The number of calls that keep all workers busy."""
+        threads, fit = self._threads(), self.fit()
+        return max(2, 2 * sum(threads.get(address, 0) for address in fit))
+
+    def check(self) -> None:
+        """Say that no worker is there, and end after a while.
+
+        Raises
+        ------
+        UsageError : the scheduler has left, or no worker has come.
+        """
+        if self.client.status != "running":
+            raise self._no_scheduler()
+        if self.fit():
+            self._without, self._has_said = None, False
+            return
+        now = time.monotonic()
+        self._without = now if self._without is None else self._without
+        left = sum(worker.has_left for worker in self.workers.values())
+        since = f" ({left} left since the start)" if left else ""
+        if now - self._without > LONGEST_WAIT:
+            raise UsageError(
+                f"--scheduler {self.address}: no worker for {LONGEST_WAIT:g} s{since}; start "
+                "workers, and --resume continues"
+            )
+        if now - self._without > SILENT_WAIT and not self._has_said:
+            self._has_said = True
+            self.note(f"waiting: no worker at {self.address}{since}")
+
+    def report(self) -> list[dict[str, Any]]:
+        """What each worker was, and how many trials it has run."""
+        return [asdict(worker) for worker in self.workers.values()]
+
+    def _unfit(self) -> list[_Worker]:
+        return [worker for worker in self.workers.values() if worker.unfit]
+
+    def _threads(self) -> dict[str, int]:
+        try:
+            return dict(self.client.nthreads())
+        except (OSError, RuntimeError, ValueError):
+            raise self._no_scheduler() from None
+
+    def _no_scheduler(self) -> UsageError:
+        return UsageError(
+            f"--scheduler {self.address}: the scheduler no longer answers; once one does, --resume "
+            "continues"
+        )
+
+
+def cluster_pool(
+    address: str, program: Program, mixed: bool = False, note: Note = silent
+) -> WorkerPool:
+    """The workers of a Dask cluster; workers that join later are used as well.
+
+    Raises
+    ------
+    MissingExtraError : dask.distributed is not installed.
+    UsageError : no scheduler answers there.
+    """
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError:
+        raise MissingExtraError("--scheduler", "cluster") from None
+    for name in ("distributed", "distributed.client", "tornado.application", "asyncio"):
+        # They log a lost connection with tracebacks, which check() reports in one sentence.
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise UsageError(f"--scheduler {address}: no scheduler answers there: {error}") from None
+    executor = ClusterExecutor(client, address, program, mixed, note)
+    return WorkerPool(
+        executor,
+        executor.width,
+        lambda finished: client.close(),
+        (KilledWorker, CancelledError),
+        check=executor.check,
+        most=MOST_IN_CALL,
+        # The scheduler itself tries a call again whose worker died, three times by default.
+        attempts=1,
+        leave_out=executor.leave_out,
+        workers=lambda: len(executor.fit()),
+        report=executor.report,
+    )
+
+
+def pool_factory(
+    jobs: int | None,
+    scheduler: str | None,
+    timeout: float | None,
+    checkpoint: float | None = None,
+    mixed: bool = False,
+    note: Note = silent,
+) -> Callable[[Program], WorkerPool]:
+    """A function that makes a pool: a cluster's, or of processes, one per processor by default.
+
+    Raises
+    ------
+    UsageError : a cluster shall write checkpoints, which are in a folder of this machine.
+    """
+    if scheduler is not None and checkpoint is not None:
+        raise UsageError(
+            "checkpoints of trials are files of this machine, which the workers of a cluster need "
+            "not see; leave out 'checkpoint' or 'scheduler'"
+        )
+    if scheduler is not None:
+        return lambda program: cluster_pool(scheduler, program, mixed, note)
+    workers = jobs or processors()
+    return lambda program: local_pool(workers, timeout)
