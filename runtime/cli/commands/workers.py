@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from blocks.core import hint
 from runtime.arguments import Once, add_output, at_least, integer, show_folder
 from runtime.arguments import seconds as clock
 from runtime.cli.commands.changes import add_changes, changed
@@ -96,6 +95,8 @@ def add_again(parser: ArgumentParser) -> None:
 
 def _statuses(text: str) -> tuple[str, ...]:
     """The type of ``--again``."""
+    from blocks.core import hint
+
     found = tuple(part.strip() for part in text.split(",") if part.strip())
     for status in found:
         if status not in AGAIN:

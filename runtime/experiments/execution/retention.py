@@ -65,6 +65,8 @@ class RetentionPolicy:
 
     def resume(self, rows: Iterable[Row]) -> None:
         """Continue with what an interrupted sweep kept; other trial folders are removed."""
+        for path in self.runs.glob(".*.partial"):  # of a folder that was being written
+            shutil.rmtree(path, ignore_errors=True)
         if self.most:
             for row in rows:
                 self._rank(row)

@@ -172,9 +172,10 @@ def test_trials_go_to_the_worker_that_has_what_a_block_imports(
     assert done.returncode == 0, done.stderr
     found = rows(tmp_path / "sweeps" / "g")
     assert len(found) == 20
-    record = [json.loads(line) for line in (tmp_path / "sweeps/g/starts.jsonl").open()]
-    assert [each["trials"] for each in record[-1]["workers"] if each["unfit"]] == [0]
-    assert sum(each["trials"] for each in record[-1]["workers"]) == 20
+    lines = (tmp_path / "sweeps/g/starts.jsonl").read_text().splitlines()
+    record = json.loads(lines[-1])["workers"]
+    assert [each["trials"] for each in record if each["unfit"]] == [0]
+    assert sum(each["trials"] for each in record) == 20
 
 
 @needs_dask
