@@ -30,7 +30,17 @@ from blocks.core.portable import flush, flush_due
 from blocks.neural.ensemble import Ensemble
 from blocks.neural.models import Direct
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import DecoderRule, follow, pes_each, pes_step, rls_step, share_of_spikes
+from blocks.neural.rules import (
+    DecoderRule,
+    follow,
+    pes_each,
+    pes_step,
+    rls_step,
+    share_of_spikes,
+    trace,
+    trace_matrices,
+    trace_order,
+)
 from blocks.neural.solving import Solved, decode, decode_each
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -44,7 +54,7 @@ class Decoder(Solved):
     Decoding  value = h * (W spikes), h the synapse
     Weights   W from the solver: decoders of the tuning curves, A D = f(points), times transform
     Learning  pes: W -= (kappa dt / n) learn error s';  rls: recursive least squares;
-              s the spikes through a lowpass of the rule's tau
+              s the spikes through the rule's tau
 
     The weights follow from the tuning of the ensemble whose spikes are wired here, on points drawn
     evenly within its radius, unless ``weights`` are given. The synapse is discretised exactly for
@@ -63,12 +73,16 @@ class Decoder(Solved):
 
     filtered = State("order", "k", doc="the synapse's states")
     activity = State("active", unit="1/s", doc="filtered spikes s")
+    traced = State("trace_order", "active", doc="the states of the rule's filter")
     pending = State("errors", doc="learn times the error of the last tick")
     inverse = State("squared", "squared", doc="P of recursive least squares")
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
         order = self.synapse.order_at(context.dt) if self.filter == "value" else 0
-        return {**self.sizes(), "order": order}
+        traced = 0
+        if self.learning is not None and self.filter == "value":
+            traced = trace_order(self.learning.tau, context.dt)
+        return {**self.sizes(), "order": order, "trace_order": traced}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         inferred = dict(super().infer(lengths))
@@ -145,12 +159,15 @@ class Decoder(Solved):
             if state.exact:
                 self._start_exact(state, tuning)
         state.gamma = state.quick = 0.0
+        state.trace_a, state.trace_b = np.zeros((0, 0)), np.zeros(0)
         if self.learning is not None:
             n = state.weights.shape[1] // state.groups
             state.gamma = self.learning.learning_rate * state.dt / n
             state.quick = (
                 float(b[0]) if state.by_spikes else share_of_spikes(self.learning.tau, state.dt)
             )
+            if not state.by_spikes:
+                state.trace_a, state.trace_b = trace_matrices(self.learning.tau, state.dt)
             if self._rule == "rls":
                 # The first step is then that of PES.
                 np.fill_diagonal(state.inverse, state.gamma)
@@ -176,7 +193,7 @@ class Decoder(Solved):
         groups = self.groups_out(context.lengths)
         rule = self.learning
         # Learning in groups, and P of recursive least squares, stay with each block.
-        if rule is not None and (self._rule != "pes" or groups > 1):
+        if rule is not None and (self._rule != "pes" or groups > 1 or rule.tau.order > 1):
             return None
         if self.filter == "spikes" and groups > 1:
             return None
@@ -267,7 +284,8 @@ class Decoder(Solved):
             decoded = value if len(state.b) == 1 else self._decoded(state, spikes)
             remember(state.filtered, state.a, state.b, decoded, value)
         if state.rule != "" or state.by_spikes:
-            follow(state.activity, spikes, state.quick)
+            rows, column = state.trace_a, state.trace_b
+            trace(state.activity, state.traced, rows, column, spikes, state.quick)
         if state.rule != "":
             # Nengo's rules apply the error of a step with its spikes, which arrive on the next
             # tick if they are not those of a FeedthroughEnsemble; a test compares the weights.
@@ -286,6 +304,7 @@ class Decoder(Solved):
             flush(state.filtered)
             flush(state.activity)
             if state.rule != "":
+                flush(state.traced)
                 flush(state.weights)
                 flush(state.inverse)
 

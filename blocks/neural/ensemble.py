@@ -30,11 +30,20 @@ from blocks.core import (
 )
 from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
+from blocks.neural.drawing import drawn
 from blocks.neural.emission import emit_poisson, emit_regular, emit_stochastic
 from blocks.neural.models import Direct
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import EncoderRule, Voja, follow, share_of_spikes, voja_step
+from blocks.neural.rules import (
+    EncoderRule,
+    follow,
+    share_of_spikes,
+    trace,
+    trace_matrices,
+    trace_order,
+    voja_step,
+)
 from blocks.neural.stacks import EnsembleStack
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -100,12 +109,18 @@ class Ensemble(Block):
     voltage_start: Distribution | None = param(
         None, name="voltage", doc="initial voltages; default that of the model"
     )
+    refractory_start: Distribution = param(
+        0.0, name="refractory", unit="s", doc="initial refractory times"
+    )
+    recovery_start: Distribution | None = param(
+        None, name="recovery", doc="initial adaptation, or recovery; default that of the model"
+    )
 
     noise: Distribution | None = param(
         None, doc="noise current per root of s: normal, uniform, exponential, or numbers"
     )
     noise_synapse: Synapse = param("none", unit="s", doc="filter of the noise")
-    learning: EncoderRule | None = param(None, doc="rule by which the encoders learn")
+    learning: EncoderRule | None = param(None, doc="rule, or rules, by which the encoders learn")
 
     current = State("total", name="drive", doc="input current J")
     fired = State(
@@ -124,6 +139,8 @@ class Ensemble(Block):
         "per_group", "total", name="scaled_encoders", doc="gain * encoders / radius, as columns"
     )
     activity = State("learners", unit="1/s", doc="filtered spikes s, of a learning rule")
+    activities = State("more_rules", "learners", unit="1/s", doc="those of further rules")
+    traced = State("trace_order", "learners", doc="the states of a rule's filter")
     noisy = State("noise_order", "total", name="filtered_noise", doc="the noise_synapse's states")
 
     def sizes(self) -> dict[str, int]:
@@ -139,7 +156,10 @@ class Ensemble(Block):
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
         order = 0 if self.noise is None else self.noise_synapse.order_at(context.dt)
-        return {**self.sizes(), "noise_order": order}
+        rules = () if self.learning is None else self.learning.each
+        traced = trace_order(rules[0].tau, context.dt) if rules else 0
+        learns = {"more_rules": max(len(rules) - 1, 0), "trace_order": traced}
+        return {**self.sizes(), **learns, "noise_order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         groups = self.groups or lengths.get("d", 0)
@@ -189,7 +209,7 @@ class Ensemble(Block):
         # Others are drawn in a run, of the same distributions and shapes: an error that every draw
         # has is reported before anything runs.
         try:
-            self._drawn(np.random.default_rng(0), groups, d // groups)
+            drawn(self, np.random.default_rng(0), groups, d // groups)
         except ParameterError as error:
             problems += error.problems
         if self.noise is not None and self.noise.fixed is not None:
@@ -203,26 +223,28 @@ class Ensemble(Block):
     def start(self, state: BlockState) -> None:
         groups = state.context.lengths["groups"]
         d = state.context.types["input"].shape[0] // groups
-        drawn = self._drawn(state.rng, groups, d)
-        state.gain[:], state.bias[:] = drawn["gain"], drawn["bias"]
-        state.voltage[:] = drawn["voltage"]
-        state.recovery[:] = self.neuron.initial_recovery
+        first = drawn(self, state.rng, groups, d)
+        for name in ("gain", "bias", "voltage", "refractory", "recovery"):
+            getattr(state, name)[:] = first[name]
         # One row of encoders per dimension of a group, for all neurons.
-        state.scaled_encoders[...] = (drawn["encoders"] / self.radius * state.gain[:, None]).T
+        state.scaled_encoders[...] = (first["encoders"] / self.radius * state.gain[:, None]).T
         if self.direct:
-            state.scaled_encoders[...] = drawn["encoders"].T  # no rounding of the radius
+            state.scaled_encoders[...] = first["encoders"].T  # no rounding of the radius
         state.each = self.each(d)
         state.row_groups = state.scaled_encoders.reshape(d, groups, state.each)
         state.drive_of_groups = state.drive.reshape(groups, state.each)
         state.point, state.further = np.zeros((groups, d)), range(1, d)
         state.step, state.constants = type(self.neuron).step, self.neuron.constants
-        state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
         state.draws, state.emission = self.neuron.draws, self.neuron.emission
         state.amplitude, state.scales = self.neuron.amplitude, self.neuron.amplitude != 1.0
         self._start_noise(state)
-        if isinstance(self.learning, Voja):
-            state.rate = self.learning.learning_rate * state.dt
-            state.share = share_of_spikes(self.learning.tau, state.dt)
+        rules = () if self.learning is None else self.learning.each
+        state.learns, state.amount = bool(rules), np.zeros_like(state.activity)
+        state.rates = np.array([rule.learning_rate * state.dt for rule in rules])
+        state.shares = np.array([share_of_spikes(rule.tau, state.dt) for rule in rules])
+        state.trace_a, state.trace_b = np.zeros((0, 0)), np.zeros(0)
+        if rules:
+            state.trace_a, state.trace_b = trace_matrices(rules[0].tau, state.dt)
         # From the states and not from what was drawn: `resume` brings it in line with older states.
         state.scale = state.gain / self.radius
 
@@ -276,60 +298,6 @@ class Ensemble(Block):
         np.divide(scaled, gain[:, None], out=encoders, where=gain[:, None] != 0.0)
         groups = state.context.lengths["groups"]
         return Tuning(self.neuron, gain, state.bias.copy(), encoders, self.radius, groups)
-
-    def _drawn(self, rng: np.random.Generator, groups: int, d: int) -> Mapping[str, FloatArray]:
-        """Gains, biases, encoders and voltages, in one order: to fix one changes no other."""
-        if self.direct:
-            n = groups * d
-            numbers = {"gain": np.full(n, self.radius), "bias": np.zeros(n), "voltage": np.zeros(n)}
-            return {**numbers, "encoders": np.tile(np.eye(d), (groups, 1))}
-        n = self.neurons * groups
-        problems: list[tuple[str, str]] = []
-
-        def draw(name: str, distribution: Distribution, columns: int = 1) -> FloatArray:
-            try:
-                drawn = distribution.draw(rng, n, columns, dimensions=d)
-            except ValueError as error:
-                problems.append((name, str(error)))
-                return np.full((n, columns), 0.5)
-            return drawn
-
-        rates = draw("max_rates", self.max_rates)[:, 0]
-        intercepts = draw("intercepts", self.intercepts)[:, 0]
-        encoders = draw("encoders", self.encoders, d)
-        start = self.voltage_start or Distribution.read(self.neuron.first_voltage)
-        voltage = draw("voltage", start)[:, 0]
-        lengths = np.linalg.norm(encoders, axis=1, keepdims=True)
-        if not problems and not lengths.all():
-            problems.append(("encoders", "an encoder of length 0 has no direction"))
-        if self.normalize and lengths.all():
-            encoders = encoders / lengths
-        if self.gain is not None and self.bias is not None:
-            gain, bias = draw("gain", self.gain)[:, 0], draw("bias", self.bias)[:, 0]
-        elif not problems:
-            problems += self._impossible(rates, intercepts)
-            if not problems:
-                gain, bias = self.neuron.gain_and_bias(rates, intercepts)
-        if problems:
-            raise ParameterError(problems)
-        return {"gain": gain, "bias": bias, "encoders": encoders, "voltage": voltage}
-
-    def _impossible(self, rates: FloatArray, intercepts: FloatArray) -> list[tuple[str, str]]:
-        problems = []
-        slowest = self.neuron.slowest
-        if rates.min() <= slowest:
-            wanted = f"expected rates above {slowest:.6g} Hz"
-            if slowest > 0.0:
-                # Not refused, they would give gains of 0 or below: neurons that an input inhibits.
-                wanted += f" and below {self.neuron.fastest:g} Hz, between which this neuron fires"
-            problems.append(("max_rates", f"{wanted}, got {rates.min():.6g}"))
-        elif rates.max() >= self.neuron.fastest:
-            message = f"this neuron fires at less than {self.neuron.fastest:g} Hz"
-            problems.append(("max_rates", f"{message}, got {rates.max():.6g}; lower the rates"))
-        if intercepts.max() >= 1.0:
-            message = f"expected intercepts below 1, got {intercepts.max():.6g}"
-            problems.append(("intercepts", f"{message}: such a neuron is never driven"))
-        return problems
 
     def output(self, state: BlockState, t: float) -> FloatArray:
         fired: FloatArray = state.fired.copy()
@@ -422,15 +390,25 @@ class Ensemble(Block):
         if state.scales:
             fired *= state.amplitude
         if state.learns:
-            follow(state.activity, state.fired, state.share)
-            encoders, rate = state.scaled_encoders, state.rate * learn
-            voja_step(encoders, state.activity, state.scale, state.point, rate)
+            self._learn(state, learn)
         if flush_due(t, state.dt):
             flush(state.voltage)
             flush(state.recovery)
             if state.learns:
                 flush(state.activity)
+                flush(state.activities)
+                flush(state.traced)
                 flush(state.scaled_encoders)
+
+    def _learn(self, state: BlockState, learn: float) -> None:
+        """Turn the encoders of active neurons, by all rules at once, to the input."""
+        activity, amount, shares = state.activity, state.amount, state.shares
+        trace(activity, state.traced, state.trace_a, state.trace_b, state.fired, shares[0])
+        amount[:] = state.rates[0] * learn * activity
+        for r in range(len(state.activities)):
+            follow(state.activities[r], state.fired, shares[r + 1])
+            amount += state.rates[r + 1] * learn * state.activities[r]
+        voja_step(state.scaled_encoders, amount, state.scale, state.point)
 
     def _disturb(self, state: BlockState) -> None:
         """Add the noise of this tick to the currents."""

@@ -12,26 +12,72 @@ which has no ``self`` and compiles. The kernels are loops where NumPy's form all
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
-from blocks.core import FloatArray, Variant, kernel_of, param
-from blocks.core.portable import share_of
+from blocks.core import FloatArray, SettingError, Variant, kernel_of, param
+from blocks.neural.synapses import Synapse, passed, remember
 
 
-class DecoderRule(Variant, root=True):
-    """A rule for the weights of a Decoder, with an error: ``pes``, or ``{rule: pes, ...}``."""
+class LearningRule(Variant, abstract=True):
+    """What rules of all kinds have: a rate, and the synapse of the activities."""
 
     key = "rule"
     expected: ClassVar[str] = "a learning rule"
+    together: ClassVar[type[Any] | None] = None  # the class of several rules, where they add up
 
     learning_rate: float = param(
-        1e-4, at_least=0.0, tunable=True, doc="kappa; 0 freezes the weights"
+        1e-4, at_least=0.0, tunable=True, doc="kappa; 0 freezes what the rule changes"
     )
-    tau: float = param(
-        0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
-    )
+    tau: Synapse = param(0.005, unit="s", doc="filter of the activities, or its time constant")
+
+    def __init__(self, **values: Any) -> None:
+        # A time constant of 0 is no filter.
+        super().__init__(**{k: _filter(v) if k.endswith("tau") else v for k, v in values.items()})
+
+    @classmethod
+    def read(cls, written: Any) -> Any:
+        if isinstance(written, list) and cls.together is not None and len(written) > 1:
+            return cls.together([cls.read(each) for each in written])
+        return super().read(written)
+
+    @property
+    def each(self) -> tuple[Any, ...]:
+        """The rules of a list, or this one."""
+        return (self,)
+
+
+def _filter(tau: Any) -> Any:
+    return "none" if isinstance(tau, (int, float)) and tau == 0 else tau
+
+
+class Several:
+    """Several rules that change the same numbers: their changes add up."""
+
+    label = "several"
+
+    def __init__(self, rules: Sequence[Any]) -> None:
+        problems = self.problems(rules)
+        if problems:
+            raise SettingError([("", problems)])
+        self.__dict__["rules"] = tuple(rules)
+
+    def problems(self, rules: Sequence[Any]) -> str:
+        """Why these rules do not go together; '' if they do."""
+        return ""
+
+    @property
+    def each(self) -> tuple[Any, ...]:
+        return tuple(self.__dict__["rules"])
+
+    def written(self) -> Any:
+        return [rule.written() for rule in self.each]
+
+
+class DecoderRule(LearningRule, root=True):
+    """A rule for the weights of a Decoder, with an error: ``pes``, or ``{rule: pes, ...}``."""
 
 
 class PES(DecoderRule, label="pes"):
@@ -48,11 +94,8 @@ class RLS(DecoderRule, label="rls"):
     learning_rate: float = param(1e-3, at_least=0.0, doc="kappa; 0 freezes the weights")
 
 
-class EncoderRule(Variant, root=True):
-    """A rule for the encoders of an Ensemble: ``voja``."""
-
-    key = "rule"
-    expected: ClassVar[str] = "a learning rule"
+class EncoderRule(LearningRule, root=True):
+    """A rule for the encoders of an Ensemble, ``voja``, or a list of them."""
 
 
 class Voja(EncoderRule, label="voja"):
@@ -61,30 +104,38 @@ class Voja(EncoderRule, label="voja"):
     learning_rate: float = param(
         1e-2, at_least=0.0, tunable=True, doc="kappa; 0 freezes the encoders"
     )
-    tau: float = param(
-        0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
-    )
 
 
-class WeightRule(Variant, root=True):
-    """A rule for weights from neurons to neurons: ``bcm`` or ``oja``."""
+class EncoderRules(Several, EncoderRule, abstract=True):
+    """Several rules for the encoders."""
 
-    key = "rule"
-    expected: ClassVar[str] = "a learning rule"
+    def problems(self, rules: Sequence[Any]) -> str:
+        if any(rule.tau.order not in (0, 1) for rule in rules):
+            return "of several rules, each takes a time constant as its tau, or none"
+        return ""
+
+
+class WeightRule(LearningRule, root=True):
+    """A rule for weights from neurons to neurons, ``bcm`` or ``oja``, or a list of both."""
 
     learning_rate: float = param(
         1e-9, at_least=0.0, tunable=True, doc="kappa; 0 freezes the weights"
     )
-    tau: float = param(
-        0.005, unit="s", at_least=0.0, doc="time constant of the activities; 0: none"
+    post_tau: Synapse | None = param(
+        None, unit="s", doc="filter of the activities after the weights; default tau"
     )
+
+    @property
+    def after(self) -> Synapse:
+        """The filter of the activities after the weights."""
+        return self.tau if self.post_tau is None else self.post_tau
 
 
 class BCM(WeightRule, label="bcm"):
     """W += kappa dt p (p - theta) s', theta the slow mean of the post-synaptic spikes
     (Bienenstock, Cooper and Munro, 1982)."""
 
-    theta_tau: float = param(1.0, unit="s", above=0.0, doc="time constant of theta")
+    theta_tau: Synapse = param(1.0, unit="s", doc="filter of theta, or its time constant")
 
 
 class Oja(WeightRule, label="oja"):
@@ -96,9 +147,55 @@ class Oja(WeightRule, label="oja"):
     beta: float = param(1.0, at_least=0.0, tunable=True, doc="weight of forgetting")
 
 
-def share_of_spikes(tau: float, dt: float) -> float:
-    """What :func:`follow` takes of the spikes of a step: all of them without a time constant."""
-    return share_of(tau, dt) if tau > 0.0 else 1.0
+class WeightRules(Several, WeightRule, abstract=True):
+    """Both rules for the weights."""
+
+    def problems(self, rules: Sequence[Any]) -> str:
+        if len({type(rule) for rule in rules}) < len(rules):
+            return "of one kind, one rule learns: add up the learning rates"
+        if len({(rule.tau, rule.after) for rule in rules}) > 1:
+            return "several rules see the same activities: give them equal tau and post_tau"
+        return ""
+
+
+EncoderRule.together, WeightRule.together = EncoderRules, WeightRules
+
+
+def share_of_spikes(tau: Synapse, dt: float) -> float:
+    """What :func:`follow` takes of the spikes of a step: all of them without a filter."""
+    share = tau.matrices(dt)[1]
+    return float(share[0]) if len(share) == 1 else 1.0
+
+
+def trace_matrices(tau: Synapse, dt: float) -> tuple[FloatArray, FloatArray]:
+    """The matrices of a filter of the second order or higher; empty ones of a lowpass."""
+    a, b = tau.matrices(dt)
+    return (a, b) if len(b) > 1 else (np.zeros((0, 0)), np.zeros(0))
+
+
+def trace_order(tau: Synapse, dt: float) -> int:
+    """How many states a filter has beside its output, 0 for a lowpass."""
+    return len(trace_matrices(tau, dt)[1])
+
+
+def trace(
+    activity: FloatArray,
+    memory: FloatArray,
+    a: FloatArray,
+    b: FloatArray,
+    spikes: FloatArray,
+    share: float,
+) -> None:
+    """Filter the spikes of a step into the activities, those of the step included.
+
+    ``memory`` has the states of a filter of the second order or higher, whose matrices are a, b;
+    of a lowpass, which takes a ``share`` of the step, they are empty (:func:`trace_matrices`).
+    """
+    if len(b) > 0:
+        activity[:] = passed(memory, a, b, spikes)
+        remember(memory, a, b, spikes, activity)
+    else:
+        follow(activity, spikes, share)
 
 
 def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
@@ -226,13 +323,13 @@ def _rls_kernel(
             weights[row, i] -= error[row] * total
 
 
-def voja_step(
-    rows: FloatArray, activity: FloatArray, scale: FloatArray, point: FloatArray, rate: float
-) -> None:
-    """rows += rate s (scale x - rows); rows (d, total), scale (total,), point (groups, d)."""
+def voja_step(rows: FloatArray, amount: FloatArray, scale: FloatArray, point: FloatArray) -> None:
+    """rows += amount (scale x - rows), amount the sum of rate s over the rules.
+
+    rows (d, total), amount and scale (total,), point (groups, d).
+    """
     groups, d = point.shape
     each = rows.shape[1] // groups
-    amount = rate * activity
     for j in range(d):
         target = scale * np.repeat(point[:, j], each)
         rows[j] += amount * (target - rows[j])
@@ -240,14 +337,14 @@ def voja_step(
 
 @kernel_of(voja_step)
 def _voja_kernel(
-    rows: FloatArray, activity: FloatArray, scale: FloatArray, point: FloatArray, rate: float
+    rows: FloatArray, amount: FloatArray, scale: FloatArray, point: FloatArray
 ) -> None:
     groups, d = point.shape
-    each = len(activity) // groups
+    each = len(amount) // groups
     for j in range(d):
         for group in range(groups):
             for i in range(group * each, (group + 1) * each):
-                rows[j, i] += rate * activity[i] * (scale[i] * point[group, j] - rows[j, i])
+                rows[j, i] += amount[i] * (scale[i] * point[group, j] - rows[j, i])
 
 
 def bcm_step(

@@ -66,6 +66,8 @@ class Synapse(Variant, root=True):
         if written is None:
             written = "none"
         if isinstance(written, (int, float)) and not isinstance(written, bool):
+            if written == 0:
+                raise SettingError([("", "expected a time constant above 0 s, got 0; write none")])
             return LowpassSynapse(tau=written)
         if isinstance(written, str) and written.endswith(")"):
             name, _, inside = written[:-1].partition("(")

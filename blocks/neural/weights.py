@@ -30,17 +30,28 @@ from blocks.core import (
     param,
     product,
 )
-from blocks.core.portable import flush, flush_due, share_of
+from blocks.core.portable import flush, flush_due
 from blocks.neural.connections import PerConnection
 from blocks.neural.decoded_function import DecodedFunction
 from blocks.neural.decoder import Decoder
 from blocks.neural.decoder_solvers import DecoderSolver
 from blocks.neural.ensemble import Ensemble
-from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step, share_of_spikes
+from blocks.neural.rules import (
+    BCM,
+    Oja,
+    WeightRule,
+    bcm_step,
+    oja_step,
+    share_of_spikes,
+    trace,
+    trace_matrices,
+    trace_order,
+)
 from blocks.neural.solving import decode
-from blocks.neural.synapses import Synapse, passed, remember
+from blocks.neural.synapses import NoSynapse, Synapse, passed, remember
 
 LONGEST = 100.0  # s, of a delay
+TRACES = ("before", "after", "theta")
 
 
 @final
@@ -52,7 +63,7 @@ class Weights(Block):
     Current   J = h * (W spikes), h the synapse; with ``delay``, J_i of W_ij spikes_j(t - d_ij)
     Learning  bcm: W += kappa dt learn p (p - theta) s';
               oja: W += kappa dt learn (p s' - beta p^2 W);
-              s and p the spikes before and after the weights through a lowpass of the rule's tau
+              s and p the spikes before and after the weights through the rule's tau and post_tau
 
     Wire ``current`` to an Ensemble's input of that name, and for learning its spikes to ``post``.
     ``weights`` and ``delay`` are numbers, matrices, distributions, or rules of i, the neuron that a
@@ -84,7 +95,7 @@ class Weights(Block):
         None, unit="s", doc="from a spike to its current, one or for each weight; default none"
     )
     synapse: Synapse = param(0.005, unit="s", doc="filter of the current")
-    learning: WeightRule | None = param(None, doc="rule by which the weights learn")
+    learning: WeightRule | None = param(None, doc="rule, or rules, by which the weights learn")
 
     weights = State("m", "n", doc="the weights W")
     filtered = State("order", "m", doc="the synapse's states")
@@ -95,6 +106,9 @@ class Weights(Block):
     before = State("n", unit="1/s", doc="filtered spikes s before the weights")
     after = State("m", unit="1/s", doc="filtered spikes p after the weights")
     theta = State("m", unit="1/s", doc="threshold of bcm")
+    before_traced = State("before_order", "n", doc="the states of the filter of s")
+    after_traced = State("after_order", "m", doc="the states of the filter of p")
+    theta_traced = State("theta_order", "m", doc="the states of the filter of theta")
 
     def sizes(self) -> dict[str, int]:
         sizes: dict[str, int] = {}
@@ -109,8 +123,11 @@ class Weights(Block):
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
         m = context.types["current"].shape[0]
         order = self.synapse.order_at(context.dt)
-        sizes = {**self.sizes(), "order": order, "slots": 0, "delayed": 0}
+        none = dict.fromkeys(("slots", "delayed", *(f"{name}_order" for name in TRACES)), 0)
+        sizes = {**self.sizes(), **none, "order": order}
         sizes["some"] = 0 if self.probability is None or self.learning is None else m
+        for name, synapse in self._traces().items():
+            sizes[f"{name}_order"] = trace_order(synapse, context.dt)
         if self.delay is not None:
             try:
                 longest = min(self.delay.largest(m, context.types["spikes"].shape[0]), LONGEST)
@@ -119,6 +136,15 @@ class Weights(Block):
             # One more than the longest, in steps: the slot of this step is still to be read.
             sizes |= {"slots": max(1, round(longest / context.dt)) + 1, "delayed": m}
         return sizes
+
+    def _traces(self) -> dict[str, Synapse]:
+        """The filters of what the rules see; several rules see the same."""
+        found: dict[str, Synapse] = {}
+        for rule in () if self.learning is None else self.learning.each:
+            found |= {"before": rule.tau, "after": rule.after}
+            if isinstance(rule, BCM):
+                found["theta"] = rule.theta_tau
+        return found
 
     def validate(self) -> None:
         if (self.initial is None) == (self.solver is None):
@@ -187,22 +213,30 @@ class Weights(Block):
             delays = self.delay.draw(state.rng, *shape)
             state.steps[...] = np.clip(np.rint(delays / state.dt), 1, len(state.coming) - 1)
         state.a, state.b = self.synapse.matrices(state.dt)
-        state.rule = "" if self.learning is None else self.learning.label
-        state.rate = state.share = state.slow = state.beta = 0.0
-        if self.learning is not None:
-            state.rate = self.learning.learning_rate * state.dt
-        state.rates = np.full(shape[0], state.rate)
+        self._start_learning(state)
+
+    def _start_learning(self, state: BlockState) -> None:
+        rules = {type(r): r for r in (() if self.learning is None else self.learning.each)}
+        bcm, oja = rules.get(BCM), rules.get(Oja)
+        state.learns, state.bcm, state.oja = bool(rules), bcm is not None, oja is not None
+        state.beta = 0.0 if oja is None else oja.beta
+        m = len(state.weights)
+        state.bcm_rates = np.full(m, 0.0 if bcm is None else bcm.learning_rate * state.dt)
+        state.oja_rate = 0.0 if oja is None else oja.learning_rate * state.dt
+        state.rates = np.full(m, state.oja_rate)
         if self.solver is not None:
             # Nengo's solved weights have the neurons' gains in them, and its rules change those;
             # ours are multiplied by the gains in the Ensemble behind.
             gain = state.published["post"].gain
             state.rates[gain != 0.0] /= gain[gain != 0.0]
-        if self.learning is not None:
-            state.share = share_of_spikes(self.learning.tau, state.dt)
-        if isinstance(self.learning, BCM):
-            state.slow = share_of(self.learning.theta_tau, state.dt)
-        if isinstance(self.learning, Oja):
-            state.beta = self.learning.beta
+            state.bcm_rates[gain != 0.0] /= gain[gain != 0.0]
+        taken = self._traces()
+        for name in TRACES:
+            synapse = taken.get(name, NoSynapse())
+            a, b = trace_matrices(synapse, state.dt)
+            setattr(state, f"{name}_a", a)
+            setattr(state, f"{name}_b", b)
+            setattr(state, f"{name}_share", share_of_spikes(synapse, state.dt))
 
     def facts(self, state: BlockState) -> Mapping[str, float]:
         return {"synapses": float(state.weights.size)}
@@ -256,16 +290,8 @@ class Weights(Block):
             remember(state.filtered, state.a, state.b, decoded, current)
         if len(state.coming) > 0:
             self._send(state, spikes)
-        if len(post) > 0:
-            follow(state.before, spikes, state.share)
-            follow(state.after, post[0], state.share)
-            rates = learn * state.rates
-            if state.rule == "bcm":
-                follow(state.theta, post[0], state.slow)
-                bcm_step(state.weights, state.before, state.after, state.theta, rates)
-            if state.rule == "oja":
-                forgets = state.rate * learn * state.beta
-                oja_step(state.weights, state.before, state.after, rates, forgets)
+        if state.learns:
+            self._learn(state, spikes, post[0], learn)
             if len(state.exists) > 0:
                 state.weights *= state.exists
         if flush_due(t, state.dt):
@@ -273,8 +299,26 @@ class Weights(Block):
             flush(state.before)
             flush(state.after)
             flush(state.theta)
-            if state.rule != "":
+            flush(state.before_traced)
+            flush(state.after_traced)
+            flush(state.theta_traced)
+            if state.learns:
                 flush(state.weights)
+
+    def _learn(self, state: BlockState, spikes: FloatArray, post: FloatArray, learn: float) -> None:
+        rows, column = state.before_a, state.before_b
+        trace(state.before, state.before_traced, rows, column, spikes, state.before_share)
+        rows, column = state.after_a, state.after_b
+        trace(state.after, state.after_traced, rows, column, post, state.after_share)
+        # The rule that depends on the weights comes first: both then change those of before.
+        if state.oja:
+            rates, forgets = learn * state.rates, state.oja_rate * learn * state.beta
+            oja_step(state.weights, state.before, state.after, rates, forgets)
+        if state.bcm:
+            rows, column = state.theta_a, state.theta_b
+            trace(state.theta, state.theta_traced, rows, column, post, state.theta_share)
+            rates = learn * state.bcm_rates
+            bcm_step(state.weights, state.before, state.after, state.theta, rates)
 
 
 def _wrong_delays(drawn: FloatArray, longest: float) -> list[tuple[str, str]]:

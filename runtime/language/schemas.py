@@ -219,6 +219,8 @@ def _setting_forms(param: Param) -> list[Schema]:
     ours: Schema = {"enum": list(members)}
     inside = dict.fromkeys(sorted(keys), ANY) | {root.key: ours}
     forms = [{"type": ["string", "number"]}, _object(inside)]
+    if getattr(root, "together", None) is not None:  # several rules of learning
+        forms.append({"type": "array"})
     if root.members.name:  # one of a file, or of a package: its parameters are unknown
         forms.append({"type": "object", "required": ["module"]})
         other = {root.key: {"not": ours}}

@@ -31,8 +31,13 @@ def learner(seconds: float, fixed: dict[str, Any], initial: Any, **more: Any) ->
     [
         ({"rule": "pes", "learning_rate": 1e-3}, nengo.PES(1e-3)),
         ({"rule": "rls", "tau": 0.01}, nengo.RLS(1e-3, pre_synapse=nengo.Lowpass(0.01))),
+        ({"rule": "pes", "tau": "alpha(0.01)"}, nengo.PES(pre_synapse=nengo.Alpha(0.01))),
+        (
+            {"rule": "rls", "tau": "triangle(0.004)"},
+            nengo.RLS(pre_synapse=nengo.synapses.Triangle(0.004)),
+        ),
     ],
-    ids=["pes", "rls"],
+    ids=["pes", "rls", "pes alpha", "rls triangle"],
 )
 def test_rules_with_an_error_are_nengos(rule: Any, theirs: Any, seconds: float) -> None:
     fixed, initial = drawn(N, 2, 1), weights(2, N, 2)
@@ -68,30 +73,65 @@ def test_learning_compiles() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("block", "wrong", "expected"),
+    [
+        (blocks.Weights, [{"rule": "oja"}, {"rule": "oja"}], "add up the learning rates"),
+        (blocks.Weights, [{"rule": "oja"}, {"rule": "bcm", "tau": 1}], "the same activities"),
+        (blocks.Ensemble, [{"rule": "voja", "tau": "alpha(1)"}, "voja"], "each takes a time"),
+        (blocks.Decoder, ["pes", "rls"], "expected a learning rule"),
+    ],
+)
+def test_rules_that_do_not_add_up_are_refused(block: Any, wrong: Any, expected: str) -> None:
+    with pytest.raises(blocks.ParameterError, match=expected):
+        block(learning=wrong, **({"weights": 0.1} if block is blocks.Weights else {}))
+
+
+def voja(rate: float, tau: Any, synapse: Any) -> tuple[dict[str, Any], Any]:
+    rule = {"rule": "voja", "learning_rate": rate, "tau": tau}
+    return rule, nengo.Voja(rate, post_synapse=synapse)
+
+
+FAST, SLOW = voja(0.05, 0.0, None), voja(0.02, 0.01, 0.01)
+SLOWER = voja(0.03, 0.02, 0.02)
+
+
 @pytest.mark.parametrize("seconds", LENGTHS)
-@pytest.mark.parametrize("tau", [0.0, 0.01])
-def test_voja_is_nengos(seconds: float, tau: float) -> None:
+@pytest.mark.parametrize(
+    "rules",
+    [[FAST], [SLOW], [voja(0.05, "alpha(0.01)", nengo.Alpha(0.01))], [FAST, SLOW, SLOWER]],
+    ids=["no filter", "lowpass", "alpha", "three"],
+)
+def test_voja_is_nengos(seconds: float, rules: Any) -> None:
     fixed = drawn(N, 2, 3)
     with nengo.Network(seed=1) as model:
         x = nengo.Node(ticks(lambda t: wave(t, 2)))
         population = ensemble(N, 2, fixed, radius=1.2)
         link = nengo.Connection(
-            x,
-            population,
-            synapse=None,
-            learning_rule_type=nengo.Voja(0.05, post_synapse=nengo.Lowpass(tau) if tau else None),
+            x, population, synapse=None, learning_rule_type=[theirs for _, theirs in rules]
         )
-        learnt = nengo.Probe(link.learning_rule, "scaled_encoders")
+        learnt = nengo.Probe(link.learning_rule[0], "scaled_encoders")
         spikes = nengo.Probe(population.neurons)
     data = simulated(model, seconds).data
-    rule = {"rule": "voja", "learning_rate": 0.05, "tau": tau}
+    rule = [ours for ours, _ in rules] if len(rules) > 1 else rules[0][0]
     made = graph(seconds).add("x", Wave(size=2))
     made = made.add("snn", blocks.Ensemble(neurons=N, radius=1.2, learning=rule, **fixed))
     made = made.connect("x.out", "snn.input").probe("snn.fired").probe("snn.scaled_encoders")
     ours = made.run()
+    same(ours, made, "snn.scaled_encoders")
     assert np.array_equal(ours["snn.fired"], data[spikes])
     found = np.swapaxes(ours["snn.scaled_encoders"], 1, 2)
     np.testing.assert_allclose(found, data[learnt], rtol=0.0, atol=1e-10)
+
+
+def same(python: runtime.Result, made: runtime.Graph, probe: str) -> None:
+    """Whether both engines learn the same."""
+    compiled = made.run(engine="compiled")
+    np.testing.assert_allclose(compiled[probe], python[probe], rtol=1e-12, atol=1e-15)
+
+
+ALPHA = nengo.Alpha(0.01)
+POST = {"tau": 0.002, "post_tau": 0.02}
 
 
 @pytest.mark.parametrize(
@@ -99,8 +139,20 @@ def test_voja_is_nengos(seconds: float, tau: float) -> None:
     [
         ({"rule": "bcm", "learning_rate": 1e-9}, nengo.BCM(1e-9)),
         ({"rule": "oja", "learning_rate": 1e-6, "beta": 2}, nengo.Oja(1e-6, beta=2.0)),
+        (
+            {"rule": "oja", "tau": 0, "post_tau": "alpha(0.01)"},
+            nengo.Oja(pre_synapse=nengo.Lowpass(0), post_synapse=ALPHA),
+        ),
+        (
+            {"rule": "bcm", "tau": "alpha(0.01)", "post_tau": 0.02, "theta_tau": "alpha(0.01)"},
+            nengo.BCM(pre_synapse=ALPHA, post_synapse=0.02, theta_synapse=ALPHA),
+        ),
+        (
+            [{"rule": "bcm", "theta_tau": 0.1, **POST}, {"rule": "oja", **POST}],
+            [nengo.BCM(1e-9, 0.002, 0.02, 0.1), nengo.Oja(1e-6, 0.002, 0.02)],
+        ),
     ],
-    ids=["bcm", "oja"],
+    ids=["bcm", "oja", "oja post", "bcm filters", "both"],
 )
 def test_rules_without_an_error_are_nengos(rule: Any, theirs: Any) -> None:
     before, after = drawn(N, 2, 4), drawn(12, 1, 5)
@@ -125,9 +177,11 @@ def test_rules_without_an_error_are_nengos(rule: Any, theirs: Any) -> None:
     made = made.connect("x.out", "first.input").connect("first.spikes", "w.spikes")
     made = made.connect("w.current", "second.current").connect("second.spikes", "w.post")
     made = made.connect("b.value", "second.input")
-    ours = made.probe("w.weights").probe("second.fired").run()
+    made = made.probe("w.weights").probe("second.fired")
+    ours = made.run()
+    same(ours, made, "w.weights")
     assert np.array_equal(ours["second.fired"], data[spikes])
-    np.testing.assert_allclose(ours["w.weights"][1:], data[learnt][:-1], rtol=1e-11, atol=1e-16)
+    np.testing.assert_allclose(ours["w.weights"][1:], data[learnt][:-1], rtol=1e-11, atol=1e-14)
 
 
 def pair(fixed: dict[str, Any], rate: float) -> runtime.Graph:
