@@ -45,6 +45,7 @@ from runtime.engine.runners import (
 from runtime.engine.starting import Start, described
 from runtime.engine.state import Begun, Held, RunState, Snapshot
 from runtime.engine.values import (
+    FormError,
     NotFiniteError,
     OutputChecks,
 )
@@ -323,7 +324,7 @@ class Engine:
         """The error that names the block, the tick and the time of an exception."""
         found = self.locate(error)
         block = getattr(error, "block", "") or found
-        is_message = isinstance(error, (NotFiniteError, UsageError, CompiledError))
+        is_message = isinstance(error, (FormError, NotFiniteError, UsageError, CompiledError))
         text = str(error) if is_message else described(error)
         network, tick = self.network, self.state.tick
         return SimulationError(block, tick, tick * network.dt, text, network.time_unit)

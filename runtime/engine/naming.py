@@ -16,7 +16,7 @@ from runtime.plan import Plan, Port, Signal
 
 GLOBALS = (
     *("isfinite", "isnan", "vdot", "array", "full", "concatenate", "zeros"),
-    *("checked", "sealed", "not_finite", "floats"),
+    *("checked", "sealed", "not_finite", "floats", "several"),
 )
 # Names used by the loop around a compiled plan.
 DRIVER_NAMES = ("drive", "due", "read", "store")

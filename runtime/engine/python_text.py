@@ -179,6 +179,8 @@ class PythonText:
         given += ["float(which)"] * call.takes_which
         given += map(self.argument, call.arguments)
         text = f"{self.names.blocks[call.block]}.{call.method}({', '.join(given)})"
+        if call.is_own and len(call.outputs) > 1 and around == "{}":
+            around = f"several({tuple(signal.port for signal in call.outputs)!r}, {{}})"
         equals = f"{', '.join(targets)} = " if targets else ""
         profiled = self.profiled and call.takes_time
         if profiled:
@@ -189,7 +191,8 @@ class PythonText:
         for signal in call.outputs:
             target = self.names.of(signal)
             if call.is_own:
-                self.code(f"{target} = floats({target})", call.block)
+                given = f"{call.block!r}, {signal.port!r}, {target}"
+                self.code(f"{target} = floats({given})", call.block)
             if signal.kind.form == "array":
                 self.code(f"{target} = sealed({target})", call.block)
 
@@ -200,7 +203,8 @@ class PythonText:
         targets, around = [f"slopes[stage, {_place(slot)}]" for slot in call.rates], "{}"
         if any(len(slot.shape) > 1 for slot in call.rates):
             targets, around = [_whole(call.rates)], "joined({})"
-        if self.checked:
+        # An array of another shape may fit by being repeated.
+        if self.checked or (call.is_own and any(slot.shape for slot in call.rates)):
             around = around.format(f"rates({call.block!r}, {{}})")
         return targets, around
 

@@ -29,7 +29,6 @@ from runtime.engine.values import (
     Zeros,
     bad_slope,
     event_names,
-    floats,
     sealed,
     unreached,
     wrong_initial,
@@ -62,7 +61,8 @@ class Start:
         """Initialise the states, and compute the constant outputs; returns the namespace."""
         functions = (
             *(math.isfinite, math.isnan, np.vdot, np.array, np.full, np.concatenate, Zeros()),
-            *(self.checks.forms, sealed, self.checks.not_finite, floats),
+            *(self.checks.forms, sealed, self.checks.not_finite),
+            *(self.checks.floats, self.checks.several),
         )
         self.namespace.update(zip(GLOBALS, functions, strict=True))
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}

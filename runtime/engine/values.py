@@ -4,7 +4,7 @@ In: what a block returned, and the type of its port. Out: the value in the form 
 gets, or an error that names block, port and time::
 
     sealed(state.x)         a copy that nobody can write into
-    floats(np.int64(2))     2.0
+    checks.floats("own", "out", np.int64(2))     2.0
 """
 
 from __future__ import annotations
@@ -23,6 +23,13 @@ from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network
 from runtime.plan import Integrate
+
+# What counts as a number where a float is expected; no array, and no text.
+NUMBERS = (float, int, np.floating, np.integer, np.bool_)
+
+
+class FormError(TypeError):
+    """A block returned what is not of its output's type."""
 
 
 class NotFiniteError(ArithmeticError):
@@ -52,19 +59,6 @@ def sealed(value: Any) -> Any:
     return value
 
 
-def floats(value: Any) -> Any:
-    """What an own block returned in the form of a signal: numbers are Python's floats.
-
-    A block may return an int, a bool or NumPy's number at one tick. The next block would compute
-    with it by other rules, as ``True + True``, which is 2 in Python and True in NumPy.
-    """
-    if isinstance(value, tuple):
-        return tuple(map(float, value))
-    if isinstance(value, np.ndarray) and value.ndim:
-        return value if value.dtype == np.float64 else value.astype(np.float64)
-    return float(value)
-
-
 class Zeros(dict[int, FloatArray]):
     """Read-only arrays of zeros, by their length."""
 
@@ -89,13 +83,44 @@ class OutputChecks:
         """
         kind = self.network.types[block, port]
         if not kind.holds(value, exact=False):
-            text = f"output '{port}' must be {kind.held_as}, got {brief(value)}"
-            raise SimulationError(block, 0, 0.0, text)
+            raise SimulationError(block, 0, 0.0, wrong_form(port, kind, value))
+
+    def floats(self, block: str, port: str, value: Any) -> Any:
+        """What an own block returned, at any tick, in the form of a signal.
+
+        A block may return an int, a bool or NumPy's number at one tick. The next block would
+        compute with it by other rules, as ``True + True``, which is 2 in Python and True in NumPy.
+
+        Raises
+        ------
+        FormError : it has another form, as an array of another shape.
+        """
+        kind = self.network.types[block, port]
+        if kind.form == "scalar":
+            if isinstance(value, NUMBERS):
+                return float(value)
+        elif kind.form == "record":
+            fits = isinstance(value, tuple) and len(value) == len(kind.components)
+            if fits and all(isinstance(each, NUMBERS) for each in value):
+                return tuple(map(float, value))
+        elif isinstance(value, np.ndarray) and value.shape == kind.shape:
+            if value.dtype == np.float64:
+                return value
+            if value.dtype.kind in "fiub":
+                return value.astype(np.float64)
+        raise FormError(wrong_form(port, kind, value))
+
+    def several(self, ports: tuple[str, ...], value: Any) -> Any:
+        """A tuple of outputs, as the plan takes it apart."""
+        if not isinstance(value, tuple) or len(value) != len(ports):
+            listed = ", ".join(ports)
+            raise FormError(f"expected a tuple of its outputs ({listed}), got {brief(value)}")
+        return value
 
     def forms(self, block: str, ports: tuple[str, ...], value: Any) -> Any:
         """Check what a block returned on its first tick; returns the value."""
-        if len(ports) > 1 and (not isinstance(value, tuple) or len(value) != len(ports)):
-            raise TypeError(f"expected a tuple of its outputs ({', '.join(ports)}), got {value!r}")
+        if len(ports) > 1:
+            self.several(ports, value)
         for port, item in zip(ports, (value,) if len(ports) == 1 else value, strict=True):
             self.form(block, port, item)
         return value
@@ -220,6 +245,11 @@ def wrong_initial(name: str, begun: FloatArray, array: FloatArray) -> str:
         )
         return f"{message}; begin from another run, or without this state"
     return ""
+
+
+def wrong_form(port: str, kind: SignalType, value: Any) -> str:
+    """The error of an output that has not the form of its type."""
+    return f"output '{port}' must be {kind.held_as}, got {brief(value)}"
 
 
 def brief(value: Any) -> str:

@@ -93,3 +93,103 @@ def test_assigning_to_states_compiles() -> None:
     engine = Engine(graph.program(), 1)
     engine.prepare()
     assert make_kernels(network, engine.state.blocks).refused == {}
+
+
+LATER: dict[str, Any] = {
+    "one number": lambda row: row[:1],
+    "a row": lambda row: row.reshape(1, 4),
+    "three": lambda row: row[:3],
+    "seven": lambda row: np.zeros(7),
+    "a float": lambda row: 1.0,
+    "texts": lambda row: np.array(["1.0", "2.0", "3.0", "4.0"]),
+    "complex": lambda row: row + 0.0j,
+}
+
+
+class Later(blocks.Block):
+    """Returns four numbers, and from 0.03 s on something else."""
+
+    x = blocks.Input(blocks.Scalar)
+    row = blocks.Output(blocks.Vector(4))
+    kind: str = blocks.param("three", doc="what it returns then")
+
+    def output(self, state, t, x):
+        row = np.array([x, 1.0, 2.0, 3.0])
+        return LATER[self.kind](row) if t > 0.025 else row
+
+
+class Shorter(blocks.Block):
+    """The same, compiled."""
+
+    x = blocks.Input(blocks.Scalar)
+    row = blocks.Output(blocks.Vector(4))
+
+    def output(self, state, t, x):
+        size = 4
+        if t > 0.025:
+            size = 1
+        return np.zeros(size) + x
+
+
+ENGINES = ["python", pytest.param("compiled", marks=needs_compiler)]
+EXPECTED = "output 'row' must be a float64 array of shape (4,), got "
+
+
+def later(block: blocks.Block) -> runtime.Graph:
+    graph = runtime.Graph("later", dt=0.01, until=0.1).add("s", blocks.Sine()).add("b", block)
+    graph = graph.add("n", blocks.Norm()).connect("s.out", "b.x").connect("b.row", "n.inputs")
+    return graph.probe("n.out").probe("b.row")
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("block", [*(Later(kind=kind) for kind in LATER), Shorter()], ids=str)
+def test_the_form_of_an_output_is_checked_at_each_tick(block: blocks.Block, engine: str) -> None:
+    place = "block 'b' at tick 3 (t = 0.03 s): "
+    with pytest.raises(runtime.SimulationError) as caught:
+        later(block).run(engine=engine)
+    assert str(caught.value).startswith(place + EXPECTED)
+    session = later(block).session(engine=engine).step(3)
+    with pytest.raises(runtime.SimulationError) as caught:
+        session.step()
+    assert str(caught.value).startswith(place + EXPECTED)
+
+
+class Several(blocks.Block):
+    """Two outputs at first, of other forms later."""
+
+    x = blocks.Output(blocks.Scalar)
+    twist = blocks.Output(blocks.Twist)
+    kind: int = blocks.param(0, doc="what is wrong")
+
+    def output(self, state, t):
+        wrong = [1.0, (1.0, 2.0, 3.0)], [1.0], ("1.0", (1.0, 2.0)), (1.0, [1.0, 2.0])
+        return (*wrong, np.ones(2))[self.kind] if t > 0.0 else (1.0, (1.0, 2.0))
+
+
+@pytest.mark.parametrize("kind", range(5))
+@pytest.mark.parametrize("engine", ENGINES)
+def test_numbers_and_records_are_checked_too(kind: int, engine: str) -> None:
+    graph = runtime.Graph("several", dt=0.01, until=0.1).add("b", Several(kind=kind))
+    what = "output 'x' must be a float|output 'twist' must be a tuple|a tuple of its outputs"
+    with pytest.raises(runtime.SimulationError, match=rf"block 'b' at tick 1 \(.*({what})"):
+        graph.probe("b.x").probe("b.twist").run(engine=engine)
+
+
+class Rates(blocks.Block):
+    """Three continuous states, whose rate of change is later one number for all."""
+
+    out = blocks.Output(blocks.Vector(3))
+    h = blocks.State(3, continuous=True)
+
+    def output(self, state, t):
+        return state.h.copy()
+
+    def derivative(self, state, t):
+        return np.ones(1 if t > 0.025 else 3)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rates_of_change_are_not_repeated_to_fit(engine: str) -> None:
+    graph = runtime.Graph("rates", dt=0.01, until=0.1).add("b", Rates()).probe("b.out")
+    with pytest.raises(runtime.SimulationError, match=r"block 'b' .*'h' must be numbers of shape"):
+        graph.run(engine=engine)
