@@ -127,7 +127,8 @@ class SimulationError(SpikeblocksError):
     def __init__(self, block: str, tick: int, time: float, text: str, unit: str = "s") -> None:
         self.block, self.tick, self.time = block, tick, time
         self.result: object = None
-        super().__init__(f"block '{block}' at tick {tick} (t = {time:g} {unit}): {text}")
+        place = f"block '{block}' at tick" if block else "tick"
+        super().__init__(f"{place} {tick} (t = {time:g} {unit}): {text}")
 
 
 class MissingExtraError(SpikeblocksError):

@@ -13,7 +13,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from runtime.engine.carrying import Carried, adopt, adopt_changed, carried
     from runtime.engine.engine import Engine, Outcome
-    from runtime.engine.interrupts import BetweenTicks, Interrupts, stoppable
+    from runtime.engine.interrupts import BetweenTicks, Interrupts, is_within, stoppable
     from runtime.engine.point import Offsets, Point, Watched, labels
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -101,6 +101,7 @@ class BetweenTicks:
 
     def __enter__(self) -> BetweenTicks:
         self.caught = False
+        self.is_between = False  # whether it was raised between two ticks
         self.is_ours = False
         # One call, and no question before it: a session that is stepped does this every tick.
         try:
@@ -121,9 +122,20 @@ class BetweenTicks:
     def check(self, tick: int = 0, total: int = 0) -> None:
         """Raise KeyboardInterrupt if Ctrl-C was pressed."""
         if self.caught:
+            self.is_between = True
             raise KeyboardInterrupt
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.caught:
             raise KeyboardInterrupt
         self.caught = True
+
+
+def is_within(error: BaseException, function: Callable[..., Any]) -> bool:
+    """Whether an exception came out of a function."""
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code is function.__code__:
+            return True
+        trace = trace.tb_next
+    return False

@@ -180,7 +180,8 @@ class PythonText:
         given += map(self.argument, call.arguments)
         text = f"{self.names.blocks[call.block]}.{call.method}({', '.join(given)})"
         if call.is_own and len(call.outputs) > 1 and around == "{}":
-            around = f"several({tuple(signal.port for signal in call.outputs)!r}, {{}})"
+            ports = tuple(signal.port for signal in call.outputs)
+            around = f"several({ports!r}, {{}})"
         equals = f"{', '.join(targets)} = " if targets else ""
         profiled = self.profiled and call.takes_time
         if profiled:
@@ -191,8 +192,8 @@ class PythonText:
         for signal in call.outputs:
             target = self.names.of(signal)
             if call.is_own:
-                given = f"{call.block!r}, {signal.port!r}, {target}"
-                self.code(f"{target} = floats({given})", call.block)
+                place = f"{call.block!r}, {signal.port!r}"
+                self.code(f"{target} = floats({place}, {target})", call.block)
             if signal.kind.form == "array":
                 self.code(f"{target} = sealed({target})", call.block)
 

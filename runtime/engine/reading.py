@@ -57,11 +57,13 @@ class Reader:
         own = None
         with suppress(NotCopiedError):  # an output should change no memory (blocks.core.Block)
             own = state.own_state.kept(state.compiled)
-        values = self._function(state.tick, state.tick + 1, state.held)
-        state.memory[:] = memory
-        if own is not None:
-            state.own_state.restore(own)
-        state.set_drawn(generators)
+        try:
+            values = self._function(state.tick, state.tick + 1, state.held)
+        finally:  # of an interrupt, too
+            state.memory[:] = memory
+            if own is not None:
+                state.own_state.restore(own)
+            state.set_drawn(generators)
         return values
 
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import json
 import math
+import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -23,58 +23,33 @@ from blocks.core import ParameterError
 from runtime.document import dump_yaml, read_graph
 from runtime.engine import (
     BetweenTicks,
-    Carried,
     Engine,
     adopt,
     adopt_changed,
     carried,
+    is_within,
 )
 from runtime.errors import SimulationError, UsageError
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.memory import NotCopiedError
-from runtime.network import Network
 from runtime.runs import (
     Pacing,
-    PreparedRun,
     Result,
     chosen_runner,
     contents,
     portable,
     result_of,
 )
+from runtime.sessions.calls import alone, is_numeric, plain
+from runtime.sessions.kept import ChangeableGraph, SessionSnapshot
 from runtime.sessions.log import Change, Log
 from runtime.sessions.signals import Signals
-
-
-class ChangeableGraph(Protocol):
-    """A graph as a session needs it: :class:`runtime.Graph`, whose changes are copies."""
-
-    @property
-    def network(self) -> Network: ...
-    @property
-    def texts(self) -> Mapping[str, bytes]: ...
-    def prepared(self, *, growing: bool) -> PreparedRun: ...
-    def check(self) -> Any: ...
-    def set(self, path: str, value: Any, *, origin: str) -> Any: ...
-    def to_dict(self, *, modules: bool = False) -> dict[str, Any]: ...
-
 
 # The methods that are logged; all but the first are those of a graph.
 SESSION, CHANGES, GRAPH, RUN, VERSION = "session.json", "log.jsonl", "graph.yaml", "run", 3
 _T = TypeVar("_T")
+_P = ParamSpec("_P")
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
-
-
-@dataclass(frozen=True, eq=False)
-class SessionSnapshot:
-    """The state of a session at one time; it can be restored any number of times."""
-
-    t: float
-    first: ChangeableGraph
-    graph: ChangeableGraph
-    engine: Engine
-    carried: Carried
-    log: Log
 
 
 class Session:
@@ -92,12 +67,13 @@ class Session:
     """
 
     def __init__(self, graph: ChangeableGraph) -> None:
+        self._inside = threading.Lock()
+        self._failed: SimulationError | None = None
         self.first = self._graph = graph
         self._began = datetime.now().astimezone()
         self._log = Log()
         # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
         self._unwritten: dict[str, Any] = {}
-        self._failed: SimulationError | None = None
         self._pacing: Pacing | None = None  # of the last time in real time
         self._begin(self._prepared(graph))
 
@@ -131,6 +107,7 @@ class Session:
         """The changes that led to the present state, in order."""
         return tuple(self._log)
 
+    @alone
     def run(
         self, seconds: float, *, real_time: bool = False, speed: float | None = None
     ) -> Session:
@@ -145,7 +122,9 @@ class Session:
         Raises
         ------
         SimulationError : a block failed; every call repeats that until a snapshot is restored.
-        KeyboardInterrupt : Ctrl-C was pressed; the session can go on from the tick it came to.
+        KeyboardInterrupt : Ctrl-C was pressed; the session can go on from the tick it came to. A
+            second Ctrl-C does not wait for the end of a tick, and leaves it failed.
+        UsageError : another call has not returned, in another thread or around this one.
         """
         number = isinstance(seconds, (int, float, np.number))
         ticks = seconds / self._engine.network.dt if number else math.nan
@@ -158,6 +137,7 @@ class Session:
         self._pacing = pacing or self._pacing
         return self
 
+    @alone
     def step(self, ticks: int = 1) -> Session:
         """Do some ticks; returns itself."""
         self._advance(ticks)
@@ -180,11 +160,22 @@ class Session:
                     pacing.advance(self._engine, last, interrupts.check)
         except SimulationError as error:
             self._failed = error
-            error.result = self.result()
+            error.result = self._result()
+            raise
+        except KeyboardInterrupt as error:
+            if not interrupts.is_between and is_within(error, Engine.advance):
+                self._tear(self._engine.locate(error))
             raise
         finally:
             if own.left is not None:
                 self._engine.state.own_state.leave()
+
+    def _tear(self, block: str = "") -> None:
+        """Let every call say that an interrupt left the state half changed."""
+        engine = self._engine
+        text = "interrupted within it, so that a part of it is done; restore a snapshot to go on"
+        unit = engine.network.time_unit
+        self._failed = SimulationError(block, self.tick, self.t, text, unit)
 
     def _check(self) -> None:
         """Raise the failure that left a tick half done; a snapshot can be restored."""
@@ -193,6 +184,7 @@ class Session:
 
     # Signals
 
+    @alone
     def read(self, *addresses: str) -> Any:
         """A signal, a component or a state at the time ``t``: a float, or an array.
 
@@ -206,6 +198,7 @@ class Session:
         self._check()
         return self._signals.read(*addresses)
 
+    @alone
     def write(self, port: str, value: Any) -> None:
         """Set an input of the graph, from the next tick on.
 
@@ -219,6 +212,7 @@ class Session:
 
     # Changes
 
+    @alone
     def set(self, path: str, value: Any) -> None:
         """Change one entry of the graph, such as ``fault.gain``, from the next tick on.
 
@@ -239,7 +233,7 @@ class Session:
         """Change a tunable parameter in the running engine; False if that is not possible."""
         name, _, parameter = path.removeprefix("blocks.").rpartition(".")
         entry = self._engine.network.entries.get(name)
-        if entry is None or not _is_numeric(value) or not entry.block.is_tunable(parameter):
+        if entry is None or not is_numeric(value) or not entry.block.is_tunable(parameter):
             return False
         try:
             block = type(entry.block)(**{**entry.block.parameters(), parameter: value})
@@ -250,26 +244,31 @@ class Session:
             return False
         place = f"blocks.{name}.{parameter}"
         self._unwritten.pop(place, None)  # the last one counts
-        self._unwritten[place] = _plain(value)
+        self._unwritten[place] = plain(value)
         self._signals.clear()
         return True
 
+    @alone
     def wire(self, consumer: str, source: str | Sequence[str] | None) -> None:
         """Connect an input to another source: ``wire("snn.error", "error.heading")``."""
         self._change("wire", consumer, source)
 
+    @alone
     def without(self, *names: str) -> None:
         """Remove blocks or parts, one or more."""
         self._change_of("without", names)
 
+    @alone
     def bypass(self, *names: str) -> None:
         """Bypass blocks, one or more: what they take in passes straight through."""
         self._change_of("bypass", names)
 
+    @alone
     def replace(self, name: str, kind: str) -> None:
         """Put a block of another type in a block's place."""
         self._change("replace", name, kind)
 
+    @alone
     def overlay(self, source: Any) -> None:
         """Merge another graph over this one; a file is read now, and its content is logged."""
         if not isinstance(source, Mapping):
@@ -284,7 +283,7 @@ class Session:
     def _change(self, call: str, *arguments: Any) -> None:
         self._check()
         try:
-            arguments = tuple(map(_plain, arguments))
+            arguments = tuple(map(plain, arguments))
             graph = getattr(self.graph, call)(*arguments)
         except (TypeError, AttributeError) as error:
             raise UsageError(f"{call}: {error}") from None
@@ -295,7 +294,7 @@ class Session:
         self._note(call, *arguments)
 
     def _note(self, call: str, *arguments: Any) -> None:
-        self._log.note(Change(self.tick, call, tuple(map(_plain, arguments))))
+        self._log.note(Change(self.tick, call, tuple(map(plain, arguments))))
 
     def _extend(self, last: int) -> None:
         """Plan for a longer time: edges of sources are known up to ``run.until``."""
@@ -316,14 +315,19 @@ class Session:
 
     # Copies
 
+    @alone
     def snapshot(self) -> SessionSnapshot:
         """The present state, recordings included."""
+        return self._snapshot()
+
+    def _snapshot(self) -> SessionSnapshot:
         self._check()
         given = _copied(partial(carried, self._engine))
         return SessionSnapshot(
             self.t, self.first, self.graph, self._engine, given, self._log.copy()
         )
 
+    @alone
     def restore(self, saved: SessionSnapshot) -> None:
         """Go back, or forth, to a snapshot of this session or of one that it was branched from."""
         if not isinstance(saved, SessionSnapshot) or saved.first is not self.first:
@@ -337,11 +341,13 @@ class Session:
         self._unwritten.clear()
         self._begin(engine)
 
+    @alone
     def branch(self) -> Session:
         """Another session that goes on from here, independent of this one."""
         other = Session.__new__(Session)
         other.first, other._began, other._pacing = self.first, self._began, self._pacing
-        saved = self.snapshot()
+        other._inside = threading.Lock()
+        saved = self._snapshot()
         other._log, other._graph, other._unwritten = saved.log, saved.graph, {}
         engine = self._prepared(saved.graph)
         adopt(engine, saved.carried)
@@ -352,11 +358,15 @@ class Session:
 
     # Results
 
+    @alone
     def result(self) -> Result:
         """What was recorded up to now, with metrics and plots; the session can go on.
 
         After a failure, the status is "failed", and the ticks are those before it.
         """
+        return self._result()
+
+    def _result(self) -> Result:
         prepared, outcome = self.graph.prepared(growing=True), self._engine.finish()
         if self._failed is not None:
             outcome.status, outcome.error = "failed", self._failed
@@ -365,6 +375,7 @@ class Session:
             self._pacing.end(result)
         return result
 
+    @alone
     def save(self, folder: str | Path) -> Path:
         """Write the session into a folder that must not exist yet; returns the folder.
 
@@ -385,7 +396,7 @@ class Session:
         except TypeError as error:
             raise UsageError(f"a change has a value that no file can hold: {error}") from None
         content = {"session": VERSION, "ticks": self.tick, "changes": len(self._log)}
-        result = self.result()
+        result = self._result()
         if place.exists():
             raise UsageError(f"'{place}' exists already; choose another folder")
         plain, files = portable(self.first.to_dict(modules=True), self.first.texts)
@@ -426,24 +437,3 @@ def _copied(call: Callable[[], _T]) -> _T:
         return call()
     except NotCopiedError as error:
         raise UsageError(str(error)) from None
-
-
-def _plain(value: Any) -> Any:
-    """A copy of an argument as YAML has it: numbers of Python, lists and mappings."""
-    if type(value) is float:
-        return value
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    return str(value) if isinstance(value, Path) else value
-
-
-def _is_numeric(value: Any) -> bool:
-    """Whether a value is a number or an array, and no text that is read first, such as 30deg."""
-    try:
-        return np.asarray(value).dtype.kind in "bif"
-    except ValueError:  # lists of different lengths
-        return False
