@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from runtime.engine.profile import Profile, profile_text
     from runtime.engine.program import Program
     from runtime.engine.reading import Reader
-    from runtime.engine.recorder import Saved, recording_file
+    from runtime.engine.recorder import Saved, recording_file, row_times
     from runtime.engine.repeating import begin_again
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled

@@ -202,7 +202,7 @@ def _same_probes(engine: Engine, before: Engine, rows: Saved) -> Saved:
             memory = None
             if probe.synapse is not None:
                 filtering = engine.recorder.filters[name]
-                filtering.taken, filtering.made = -(-tick // probe.input_every), probe.rows(tick)
+                filtering.taken, filtering.made = probe.values_read(tick), probe.rows(tick)
                 memory = filtering.saved()
             found[name] = (), probe.rows(tick), probe.rows(tick), memory
     return found
@@ -210,4 +210,4 @@ def _same_probes(engine: Engine, before: Engine, rows: Saved) -> Saved:
 
 def _meaning(probe: Probe) -> Any:
     signals = tuple((s.address, str(s.kind), s.labels) for s in probe.signals)
-    return signals, probe.every, str(probe.synapse), probe.shape
+    return signals, probe.every, probe.first, str(probe.synapse), probe.shape

@@ -29,17 +29,18 @@ class ProbeFilter:
     def __init__(self, probe: Probe, synapse: Synapse, dt: float) -> None:
         self.probe = probe
         self.width = math.prod(probe.shape)
-        self.filter = synapse.filtering(probe.input_every * dt, self.width)
+        self.filter = synapse.filtering(probe.inputs[0] * dt, self.width)
         self.taken = self.made = 0
 
     def take(self, values: FloatArray) -> FloatArray:
         """Filter the next values (n, ...) in place; returns the rows that they complete."""
         self.filter(values.reshape(len(values), self.width))
         first, self.taken = self.taken, self.taken + len(values)
-        # Row r belongs to tick r * every, at which the last value is number r * every // sampled.
-        every, sampled = self.probe.every, self.probe.input_every
-        stop = -(-self.taken * sampled // every)
-        at = np.arange(self.made, stop) * every // sampled - first
+        # The last value before row r, or at its tick, is number (late + r * every) // sampled.
+        every, (sampled, begin) = self.probe.every, self.probe.inputs
+        late = self.probe.first - begin
+        stop = max(0, -(-(self.taken * sampled - late) // every))
+        at = (late + np.arange(self.made, stop) * every) // sampled - first
         self.made = stop
         return np.asarray(values[at])
 

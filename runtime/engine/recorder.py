@@ -193,7 +193,7 @@ class Recorder:
         }
         for name in self.gathered.keys() | self.filters.keys():
             if not isinstance(self.sinks.get(name), Stream):
-                rows = None if self.keep is None else self.probes[name].rows(self.keep)
+                rows = None if self.keep is None else -(-self.keep // self.probes[name].every)
                 self.sinks[name] = Rows(self.probes[name].shape, rows)
 
     def begin_again(self, folder: Path | None = None) -> None:
@@ -246,8 +246,8 @@ class Recorder:
     def _due(self, name: str) -> int:
         """The tick at which a buffer is full."""
         rows, taken, probe = self.buffers[name], self._taken(name), self.probes[name]
-        every = probe.input_every if name in self.filters else probe.every
-        return (taken // rows + 1) * rows * every
+        every, first = probe.inputs
+        return first + (taken // rows + 1) * rows * every
 
     def _taken(self, name: str) -> int:
         """The rows of a buffer that were taken out of it so far."""
@@ -273,9 +273,8 @@ class Recorder:
         """Take the rows that are new out of a buffer; they are at most to its end."""
         self._boundary = None
         probe, taken, size = self.probes[name], self._taken(name), self.buffers[name]
-        every = probe.input_every if name in self.filters else probe.every
         first = taken % size
-        rows = self.arrays[name][first : min(size, first + -(-tick // every) - taken)]
+        rows = self.arrays[name][first : min(size, first + probe.values_read(tick) - taken)]
         if len(rows) and name in self.filters:
             rows = self.filters[name].take(rows)
         if len(rows):
@@ -332,20 +331,27 @@ class Recorder:
                 self.filters[name].restore(memory)
 
     def times(self, name: str, rows: int, dt: float) -> FloatArray:
-        """The times (s) of a probe's rows, k * every * dt, on disk if the rows are."""
-        step = self.probes[name].every * dt
+        """The times (s) of a probe's rows, those of their ticks, on disk if the rows are."""
+        probe = self.probes[name]
+        step, late = probe.every * dt, probe.first * dt
         sink = self.sinks.get(name)
         if self.folder is None or not isinstance(sink, Stream):
             first = sink.first if isinstance(sink, Rows) else 0
-            return np.arange(first, first + rows, dtype=np.float64) * step
+            return row_times(first, first + rows, step, late)
         try:
             stream = Stream(self.folder / recording_file(f"{name}.time"), ())
             for first in range(0, rows, TIMES_AT_ONCE):
                 last = min(rows, first + TIMES_AT_ONCE)
-                stream.append(np.arange(first, last, dtype=np.float64) * step)
+                stream.append(row_times(first, last, step, late))
             return stream.close()
         except OSError:  # a full disk must not lose the recording for its times
-            return np.arange(rows, dtype=np.float64) * step
+            return row_times(0, rows, step, late)
+
+
+def row_times(first: int, last: int, step: float, late: float) -> FloatArray:
+    """The times (s) of some rows; the first one of all is that late."""
+    times = np.arange(first, last, dtype=np.float64) * step
+    return times + late if late else times
 
 
 def recording_file(name: str) -> str:

@@ -269,7 +269,7 @@ def _in_groups(size: int) -> Callable[[Sequence[Probe]], str]:
         count = sum(math.prod(probe.shape) for probe in probes)
         if count < size or count % size:
             return f"expected {example}; got {count}"
-        if len({probe.every for probe in probes}) > 1:
+        if len({(probe.every, probe.first) for probe in probes}) > 1:
             return (
                 f"signals of one plot {kind} must be recorded equally often; give their probes one "
                 "'every'"

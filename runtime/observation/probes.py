@@ -45,8 +45,8 @@ class Signal:
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
     ``name`` is what figures call it, '' for its address, and ``column_names`` what they call each
     column. ``publisher`` is the method of the block that describes the neurons behind a signal, if
-    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks,
-    ``is_offset`` whether the first tick of its block is later than 0.
+    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks.
+    ``every`` are the ticks between two new values, ``first`` is that of the first one.
     """
 
     address: str
@@ -63,7 +63,7 @@ class Signal:
     column_names: tuple[str, ...] = ()
     publisher: str = ""
     held: bool = False
-    is_offset: bool = False
+    first: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -87,8 +87,8 @@ Describe = Callable[[Sequence[Signal], Sequence[str]], Sequence[Signal]]
 class Probe:
     """One recorded array: one signal in its own shape, or several signals as columns.
 
-    ``every`` are the ticks between two rows. A ``synapse`` filters the values of all ticks, of
-    which the rows then show the filtered ones.
+    ``every`` are the ticks between two rows, ``first`` is that of the first row. A ``synapse``
+    filters the values of all ticks, of which the rows then show the filtered ones.
     """
 
     name: str
@@ -96,11 +96,18 @@ class Probe:
     every: int
     auto: bool = False
     synapse: Synapse | None = None
+    first: int = 0
 
-    @property
-    def input_every(self) -> int:
-        """Ticks between two values that are read: for a synapse, whenever the signal is new."""
-        return self.every if self.synapse is None else own_rate(self.signals)
+    @cached_property
+    def inputs(self) -> tuple[int, int]:
+        """Ticks between two values that are read, and the first of these ticks.
+
+        For a synapse these are those at which the signal is new, from the first row on.
+        """
+        if self.synapse is None:
+            return self.every, self.first
+        every, first = own_ticks(self.signals)
+        return (every, first) if first <= self.first else (math.gcd(every, first), 0)
 
     @cached_property
     def constant(self) -> bool:
@@ -147,9 +154,7 @@ class Probe:
         for signal in self.signals:
             # A row is the signal at its tick: an event between two rows would be lost, and one that
             # is held would be counted twice.
-            if signal.is_event and signal.is_offset:
-                return f"'{signal.end}' is new between rows, which begin at 0; leave offset out"
-            if signal.is_event and signal.every != self.input_every:
+            if signal.is_event and (signal.every, signal.first) != self.inputs:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
                 message = (
                     f"'{signal.end}' is new {new}: every {self.every} would miss or repeat some"
@@ -158,8 +163,12 @@ class Probe:
         return ""
 
     def rows(self, ticks: int) -> int:
-        # Rounded up: the first row is that of tick 0.
-        return 1 if self.constant else -(-ticks // self.every)
+        """Rows of so many ticks, from the start."""
+        return 1 if self.constant else _due(ticks, self.every, self.first)
+
+    def values_read(self, ticks: int) -> int:
+        """Values of so many ticks, of which a synapse makes rows."""
+        return _due(ticks, *self.inputs)
 
     @property
     def row_bytes(self) -> int:
@@ -187,9 +196,29 @@ def event_blocks(network: Network, node: Node, address: str, problems: Problems)
     return tuple(found)
 
 
-def own_rate(signals: Sequence[Signal]) -> int:
-    """Ticks between two new values of the fastest of some signals."""
-    return min(signal.every for signal in signals)
+def _due(ticks: int, every: int, first: int) -> int:
+    """How many of the first ticks are ``first``, ``first + every``, ..."""
+    return max(0, -(-(ticks - first) // every))
+
+
+def own_ticks(signals: Sequence[Signal]) -> tuple[int, int]:
+    """Ticks between two new values of the fastest of some signals, and the first of these ticks.
+
+    If signals begin at different ticks, as few ticks as have all of these in them.
+    """
+    first = min(signal.first for signal in signals)
+    late = (signal.first - first for signal in signals)
+    return math.gcd(min(signal.every for signal in signals), *late), first
+
+
+def ticks_of_rows(signals: Sequence[Signal], every: int) -> tuple[int, int]:
+    """Ticks between two rows, and the first one; ``every`` is what is written, 0 for nothing.
+
+    Rows that are as far apart as ticks of the block, or a multiple of that, are on its own ticks.
+    """
+    own, first = own_ticks(signals)
+    every = every or own
+    return every, 0 if every % own else first
 
 
 def describe_signals(
@@ -289,9 +318,9 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
         labels = (label,) if not shape else tuple(f"{label}[{i}]" for i in range(count))
         units = (unit,) * count
         return Signal(
-            *(label, end, shape, labels, units, kind, entry.grid, True, state.event),
+            *(label, end, shape, labels, units, kind, entry.every, True, state.event),
             held=not state.continuous,
-            is_offset=entry.offset > 0,
+            first=entry.offset,
         )
     whole = network.types[end.block, end.port]
     kind_at = component_type(whole, end)
@@ -305,10 +334,11 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     # Figures draw steps for what is held between ticks, and straight lines for what moves.
     held = (end.block, end.port) not in network.moving
     return Signal(
-        *(label, end, shape, labels, units, name, entry.grid),
+        *(label, end, shape, labels, units, name, entry.every),
         constant=constant,
         name=name_shown,
         held=held,
+        first=0 if constant else entry.offset,
     )
 
 
@@ -319,7 +349,7 @@ def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
     if not published or end.component:
         return None
     (port, method), lengths = published[0], network.context(end.block).lengths
-    every, end = network.entries[end.block].grid, Endpoint(end.block, port)
+    every, end = network.entries[end.block].every, Endpoint(end.block, port)
     # Dimensions that nothing decides are a problem by themselves, and the graph does not run.
     shape, address = table_shape({"d": 1, **lengths}), f"{label}.tuning"
     return Signal(

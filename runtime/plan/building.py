@@ -326,12 +326,14 @@ class _Builder:
         if test is None:
             return None
         source = self.observed(test.signal.end, test.signal.is_state)
-        return Stop(test.direction, test.level, source, Gate(test.signal.every))
+        return Stop(
+            test.direction, test.level, source, Gate(math.gcd(test.signal.every, test.signal.first))
+        )
 
     def records(self) -> Iterator[tuple[Record, bool]]:
         """The rows, or columns, that a tick fills, and whether they show events."""
         for number, probe in enumerate(self.observation.probes.values()):
-            start, width = 0, math.prod(probe.shape)
+            (every, first), start, width = probe.inputs, 0, math.prod(probe.shape)
             for signal in probe.signals:
                 stop = start + signal.width
                 record = Record(
@@ -342,7 +344,7 @@ class _Builder:
                     slice(start, stop) if len(probe.signals) > 1 else None,
                     self.buffers.get(probe.name, 0),
                     signal.publisher,
-                    Gate(probe.input_every, once=probe.constant),
+                    Gate(every, once=probe.constant, offset=first),
                 )
                 start = stop
                 yield record, signal.is_event

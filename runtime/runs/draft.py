@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.engine import recording_file
+from runtime.engine import recording_file, row_times
 from runtime.errors import UsageError
 from runtime.files import lock, open_file, point_link, remove_tree, slug, system_errors
 from runtime.observation import RunData
@@ -46,6 +46,11 @@ def new_folder(root: Path, title: str) -> Path:
     """A fresh folder name for a run: root/<graph>/<date>-<time>-<id>."""
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     return root / slug(title) / f"{stamp}-{secrets.token_hex(3)}"
+
+
+def root_of(folder: Path, title: str) -> Path:
+    """Where :func:`new_folder` was to put a run of a graph that is in this folder."""
+    return folder.parent.parent if folder.parent.name == slug(title) else folder.parent
 
 
 def link_latest(folder: Path) -> None:
@@ -264,7 +269,7 @@ def recover(leftover: Leftover) -> Path:
 
 def _read_recording(source: Path) -> RunData:
     details = read_manifest(source)
-    every, dt = details.pop("every", {}), details.get("dt")
+    ticks_of_rows, dt = details.pop("ticks_of_rows", {}), details.get("dt")
     names = details.pop("metrics", [])
     arrays: dict[str, FloatArray] = {}
     try:
@@ -272,11 +277,12 @@ def _read_recording(source: Path) -> RunData:
             rows = _rows(source / recording_file(name))
             if rows is not None:
                 arrays[name] = rows
-                step = float(dt * every[name])
-                arrays[f"{name}.time"] = np.arange(len(rows), dtype=np.float64) * step
+                step, late = (float(dt * ticks) for ticks in ticks_of_rows[name])
+                arrays[f"{name}.time"] = row_times(0, len(rows), step, late)
         # The manifest was written before the first tick; how far the run came is known from its
         # rows alone.
-        ticks = max((len(arrays[n]) * every[n] for n in arrays if n in every), default=0)
+        counts = (len(arrays[n]) * k[0] + k[1] for n, k in ticks_of_rows.items() if n in arrays)
+        ticks = max(counts, default=0)
         details["probes"] = {n: info for n, info in details["probes"].items() if n in arrays}
         # A probe without a row has no array, and a plot of it would only say so.
         details["plots"] = [p for p in details["plots"] if set(p["of"]) <= set(arrays)]

@@ -119,8 +119,8 @@ def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
     """
     with system_errors(f"record to '{folder}'"):
         _write_texts(result, folder)
-    every = {name: probe.every for name, probe in probes.items()}
-    details = {**manifest(result, {}, git_commit()), "every": every}
+    ticks = {name: [probe.every, probe.first] for name, probe in probes.items()}
+    details = {**manifest(result, {}, git_commit()), "ticks_of_rows": ticks}
     write_json(folder / MANIFEST, {**details, "metrics": list(result.metrics)})
 
 
