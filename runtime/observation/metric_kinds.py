@@ -30,11 +30,13 @@ class ProbeInfo:
     """A probe as it is known before the run.
 
     shape : of a row. units : of its columns. every : ticks between two rows; 0 for a constant.
+    first : the tick of the first row.
     """
 
     shape: tuple[int, ...]
     units: tuple[str, ...]
     every: int = 1
+    first: int = 0
 
     @property
     def width(self) -> int:
@@ -68,7 +70,11 @@ class MetricOptions(Bounds):
 
     after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time do not count")
     until: float | None = param(
-        None, unit="s", above=0.0, doc="rows from this time on do not count; default: the end"
+        None,
+        unit="s",
+        above=0.0,
+        doc="rows from this time on do not count; a run that ends before has no value; "
+        "default: the end",
     )
 
 
@@ -96,6 +102,8 @@ def alike(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks
         yield "reference", message
     if of.every != reference.every and reference.every:
         yield "reference", "is recorded at another rate than 'of'; give both the same 'every'"
+    elif of.first != reference.first and reference.every:
+        yield "reference", "is recorded on other ticks than 'of'; give both probes 'every: 1'"
 
 
 @dataclass(frozen=True)

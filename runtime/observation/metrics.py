@@ -99,6 +99,16 @@ class Metric:
         number = self.definition.measured(series, self._read, world)
         return None if number is None or math.isnan(number) else float(number)
 
+    def beyond(self, end: float, time_unit: str) -> str:
+        """Why a run that ends at this time (s) gives it no value; '' if it can have one."""
+        after, until = self.options.get("after"), self.options.get("until")
+        text = f"metric '{self.name}' has no value: it looks at times"
+        if isinstance(after, (int, float)) and after > end:
+            return f"{text} after {after:g} {time_unit}"
+        if isinstance(until, (int, float)) and until > end + 1e-9:
+            return f"{text} until {until:g} {time_unit}, and the run ends at {end:g} {time_unit}"
+        return ""
+
     @property
     def never(self) -> str:
         """What it means that it has no value, where that is worse than any; see MetricKind."""
@@ -192,10 +202,11 @@ def _same_rows(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> C
         if weight is not None and n != 1 and np.ndim(weight) == 0:
             message = f"expected {WeightOptions.declared[key].describe({role: n})}"
             yield key, f"{message.replace('a number or ', '')}, got {float(weight):g}"
-    rates = {role: signal.every for role, signal in probes.items()}
+    rates = {role: (signal.every, signal.first) for role, signal in probes.items()}
     if len(set(rates.values())) > 1:
         text = " and ".join(
-            f"{role} {f'every {n} ticks' if n else 'once'}" for role, n in rates.items()
+            f"{role} {f'every {n} ticks' if n else 'once'}{f' from {first}' if first else ''}"
+            for role, (n, first) in rates.items()
         )
         yield "command", f"the two are recorded at different times, {text}; probe both alike"
 

@@ -63,7 +63,7 @@ from runtime.observation.probes import (
     make_signal,
     make_tuning,
     no_component,
-    own_rate,
+    ticks_of_rows,
     with_names,
     with_units,
 )
@@ -232,8 +232,8 @@ class _Reader:
         """Add a probe if its signals can be recorded together."""
         if not probe.signals:
             return
-        every = probe.every or own_rate(probe.signals)
-        probe = replace(probe, every=every)
+        every, first = ticks_of_rows(probe.signals, probe.every)
+        probe = replace(probe, every=every, first=first)
         clash = probe.clash()
         if clash:
             self.problems.add(where, address, clash)
@@ -425,15 +425,16 @@ class _Reader:
         }
         probes = {key: self.observation.probes[p] for key, p in inputs.items() if p is not None}
         infos = {
-            key: ProbeInfo(p.shape, p.units, 0 if p.constant else p.every)
+            key: ProbeInfo(p.shape, p.units, 0 if p.constant else p.every, p.first)
             for key, p in probes.items()
         }
         self.report(node, keys, address, definition.check(options, infos, self.has_world))
-        after = options.get("after")
-        if isinstance(after, (int, float)) and after > self.network.until:
-            message = f"metric '{name}' has no value: it looks at times after {after:g} "
-            self.observation.notes.append(message + self.network.time_unit)
-        self.observation.metrics.append(Metric(name, choice.name, inputs, options, choice.own))
+        metric = Metric(name, choice.name, inputs, options, choice.own)
+        self.observation.metrics.append(metric)
+        note = metric.beyond(self.network.until, self.network.time_unit)
+        # A constant, of which the only row is at the start, has its value however long the run is.
+        if note and any(p.rows(self.network.ticks) != 1 for p in probes.values()):
+            self.observation.notes.append(note)
 
     def role_probe(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
         """The probe of one role of a metric."""

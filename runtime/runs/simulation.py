@@ -137,6 +137,10 @@ def result_of(
         result.failures = failures
         return result
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
+    if outcome.stopped_at is not None:
+        missing = (each for each in observation.metrics if metrics[each.name] is None)
+        ends = [each.beyond(outcome.stopped_at, network.time_unit) for each in missing]
+        notes += [note for note in ends if note and note not in notes]
     notes += _unlocated(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     if network.keep is not None and outcome.ticks * network.dt > network.keep:

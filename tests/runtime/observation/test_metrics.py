@@ -410,6 +410,32 @@ def test_a_metric_of_times_after_the_end_has_a_note() -> None:
     assert result.notes == ["metric 'm' has no value: it looks at times after 5 s"]
 
 
+def test_a_metric_of_times_until_after_the_end_has_a_note() -> None:
+    until = measured("  m: {kind: final, of: plant.pose.x, until: 5}\n")
+    assert until.metrics == {"m": None}
+    message = "metric 'm' has no value: it looks at times until {:g} s, and the run ends at {:g} s"
+    assert until.notes == [message.format(5, until.manifest["until"])]
+    half = until.manifest["until"] / 2
+    inside = measured(f"  m: {{kind: final, of: plant.pose.x, until: {half}}}\n")
+    assert inside.metrics["m"] is not None and not inside.notes
+
+
+def test_a_run_that_stops_before_the_end_of_a_metric_has_a_note() -> None:
+    document = {
+        "run": {"dt": 0.01, "until": 2.0, "stop": {"when": "clock.time", "above": 1.2}},
+        "blocks": {"clock": {"type": "Clock"}, "one": {"type": "Constant", "value": 1.0}},
+        "metrics": {
+            "late": {"kind": "final", "of": "clock.time", "until": 1.5},
+            "early": {"kind": "final", "of": "clock.time", "until": 1.0},
+            "constant": {"kind": "final", "of": "one.value", "until": 5.0},
+        },
+    }
+    result = runtime.load(document).run()
+    assert result.metrics["late"] is None and result.metrics["constant"] == 1.0
+    (note,) = result.notes
+    assert note.startswith("metric 'late' has no value: it looks at times until 1.5 s, and the run")
+
+
 def test_a_metric_has_the_unit_of_its_kind_or_of_its_signal(tmp_path: Path) -> None:
     graph = runtime.load("starters/adaptive").set("run.until", 0.05)
     graph = graph.metric("bent", "final", "match.curvature").metric("on", "share_above", "turn_on")
