@@ -39,10 +39,11 @@ from runtime.plan import (
 
 @dataclass(frozen=True)
 class Watched:
-    """An output, or a state, of a linearization."""
+    """A whole output, or state, of a linearization, and which of its numbers; None for all."""
 
     end: Endpoint
     is_state: bool = False
+    numbers: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,10 @@ class Offsets:
     components: tuple[int, ...] = ()
 
 
+# A whole signal or state, and which of its numbers are wanted; None for all.
+Picked = tuple[Source, tuple[int, ...] | None]
+
+
 class PointText(PythonText):
     """Writes ``probe_tick(k, t, held, u)`` and ``probe_flow(t, held, u)``.
 
@@ -71,7 +76,7 @@ class PointText(PythonText):
         self.is_inside = True
 
     def tick(
-        self, operations: Sequence[Operation], held: Sequence[Signal], watched: Sequence[Source]
+        self, operations: Sequence[Operation], held: Sequence[Signal], watched: Sequence[Picked]
     ) -> None:
         """All outputs and updates of a tick; returns what holds after it, and what is watched."""
         names = ", ".join(map(self.names.of, held))
@@ -90,7 +95,7 @@ class PointText(PythonText):
         self.line(1, f"return ({names},), probe_y" if names else "return (), probe_y")
 
     def flow(
-        self, operations: Sequence[Operation], held: Sequence[Signal], watched: Sequence[Source]
+        self, operations: Sequence[Operation], held: Sequence[Signal], watched: Sequence[Picked]
     ) -> None:
         """The outputs that move between ticks, and the rates of change."""
         self.begin("probe_flow(t, held, probe_u)", held)
@@ -107,13 +112,14 @@ class PointText(PythonText):
             self.line(1, f"({', '.join(map(self.names.of, held))},) = held")
         self.at(ALWAYS)
 
-    def watch(self, watched: Sequence[Source]) -> None:
+    def watch(self, watched: Sequence[Picked]) -> None:
         self.code("probe_y = []")
-        for source in watched:
+        for source, numbers in watched:
             # What is behind a cut is what its block computes, not what its readers get.
             key = source.whole.key if isinstance(source.whole, Signal) else None
             self.is_inside = key is None or key != self.offsets.cut
-            self.code(f"probe_y += array({self.source(source)}).ravel().tolist()")
+            chosen = "" if numbers is None else f"[{list(numbers)}]"
+            self.code(f"probe_y += array({self.source(source)}).ravel(){chosen}.tolist()")
             self.is_inside = True
 
     def argument(self, argument: Argument) -> str:
@@ -179,7 +185,7 @@ class Point:
 
     def __post_init__(self) -> None:
         text = PointText(self.engine.program, self.offsets)
-        sources = [self._source(each) for each in self.watched]
+        sources = [(self._source(each), each.numbers) for each in self.watched]
         operations = self.engine.plan.operations
         text.tick(operations, self.held, sources)
         text.flow(self._moving, self.held, sources)
@@ -316,9 +322,9 @@ class Point:
         end = watched.end
         if not watched.is_state:
             kind = self.engine.network.types[end.block, end.port]
-            return Source(Signal(end.block, end.port, kind), end.component)
+            return Source(Signal(end.block, end.port, kind))
         states = {state.name: state for state in self.engine.plan.states[end.block]}
-        return Source(states[end.port], end.component)
+        return Source(states[end.port])
 
 
 def labels(address: str, kind: SignalType) -> list[str]:

@@ -107,6 +107,8 @@ class _Search:
         for i, name in enumerate(names):
             if name in self.wanted:
                 self.low[i], self.high[i] = self.wanted[name]
+            elif i >= n + z and name not in self.there.driven:
+                self.low[i] = self.high[i] = start[i]
         self.whole = np.clip(start, self.low, self.high)
         self.free = np.flatnonzero(self.low < self.high)
         for name in self.wanted:

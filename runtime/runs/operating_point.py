@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray, hint, state_shape
+from blocks.core import FloatArray, Vector, hint, state_shape
 from runtime.engine import Engine, Offsets, Point, Program, Watched, labels
 from runtime.errors import UsageError
-from runtime.network import AddressError, Endpoint, Network, check_output, find
+from runtime.network import AddressError, Endpoint, Network, check_output, columns, find
 from runtime.observation import Observation
 from runtime.plan import Port
 from runtime.runs.sampling import structure_of
@@ -40,24 +40,23 @@ class OperatingPoint:
         opened: str = "",
     ) -> None:
         self.network = network
-        ends = [_watch(network, text) for text in outputs]
         cut = _cut_at(network, opened) if opened else None
         if cut is not None and not (inputs or outputs):
-            ends, outputs = [Watched(cut)], [opened]
+            outputs = [opened]
+        watched = [_watch(network, text) for text in outputs]
+        ends = [each for each, _ in watched]
         first = self._first(inputs)
-        components = () if cut is None else self._cut(cut, opened, first, bool(inputs))
-        self.outputs = tuple(
-            each for text, w in zip(outputs, ends, strict=True) for each in _rows(network, text, w)
-        )
+        components = () if cut is None else self._cut(cut, first, bool(inputs))
+        self.outputs = tuple(name for _, names in watched for name in names)
         self.structure = structure_of(network, first.keys(), {each.end.block for each in ends})
         engine, tick = _engine(network, at, max(1, self.structure.period))
-        offsets = Offsets(first, None if cut is None else (cut.block, cut.port), components)
+        offsets = Offsets(first, None if cut is None else (cut.end.block, cut.end.port), components)
         self.engine, self.tick, self.states = engine, tick, states
         self.u = np.zeros(len(self.inputs))
         if cut is not None:
             # What readers get at the cut while the loop is closed.
-            value = self.value_of(Watched(replace(cut, component="")))
-            start = first[cut.block, cut.port]
+            value = self.value_of(Watched(cut.end))
+            start = first[cut.end.block, cut.end.port]
             self.u[[start + i for i in components]] = value[list(components)]
         self.point = Point(engine, tick, self.structure.sampled, offsets, ends)
         self.columns = self._columns(self.point, states)
@@ -67,26 +66,29 @@ class OperatingPoint:
         """The number of the first label of each input."""
         first: dict[Port, int] = {}
         self.inputs: tuple[str, ...] = ()
+        driven: list[str] = []
         for text in inputs:
-            port = _input_at(self.network, text)
-            first[port] = len(self.inputs)
-            self.inputs += tuple(labels(text, self.network.types[port]))
-        self.driven = frozenset(self.inputs)
+            port, whole, component = _input_at(self.network, text)
+            names = labels(whole, self.network.types[port])
+            if port not in first:
+                first[port] = len(self.inputs)
+                self.inputs += tuple(names)
+            known = self.inputs[first[port] : first[port] + len(names)]
+            driven += [known[i] for i in _numbers(self.network, port, component, text)]
+        self.driven = frozenset(driven)
         return first
 
-    def _cut(
-        self, cut: Endpoint, opened: str, first: dict[Port, int], others: bool
-    ) -> tuple[int, ...]:
+    def _cut(self, cut: Watched, first: dict[Port, int], others: bool) -> tuple[int, ...]:
         """Add the signal at the cut to the inputs; its components at which readers are cut off."""
-        key = cut.block, cut.port
-        every = labels(f"{cut.block}.{cut.port}", self.network.types[key])
-        chosen = [opened] if cut.component else every
-        if not others:
-            self.driven = frozenset(chosen)
+        key = cut.end.block, cut.end.port
+        every = labels(f"{cut.end.block}.{cut.end.port}", self.network.types[key])
+        inside = tuple(range(len(every))) if cut.numbers is None else cut.numbers
         if key not in first:
             first[key] = len(self.inputs)
             self.inputs += tuple(every)
-        return tuple(i for i, name in enumerate(every) if name in chosen)
+        if not others:
+            self.driven = frozenset(self.inputs[first[key] + i] for i in inside)
+        return inside
 
     def value_of(self, watched: Watched) -> FloatArray:
         """The numbers of a signal, with nothing added and nothing cut."""
@@ -145,36 +147,83 @@ def _engine(network: Network, at: float, period: int) -> tuple[Engine, int]:
     return engine, outcome.ticks
 
 
-def _input_at(network: Network, text: str) -> Port:
-    """The input or output of a block to which an offset is added."""
-    if text in network.inputs:
-        return network.inputs[text].end.block, network.inputs[text].end.port
-    block, _, port = text.rpartition(".")
-    entry = network.entries.get(block)
-    if entry is not None and port in entry.cls.spec.inputs:
-        if entry.cls.spec.inputs[port].variadic:
-            raise UsageError(f"'{text}' takes many wires; name the output that drives it")
-        return block, port
+def _input_at(network: Network, text: str) -> tuple[Port, str, str]:
+    """The input or output of a block to which an offset is added: its address, and a component."""
+    for whole, component in ((text, ""), (text.rpartition(".")[0], text.rpartition(".")[2])):
+        if whole in network.inputs:
+            end = network.inputs[whole].end
+            return (end.block, end.port), whole, component
+        block, _, port = whole.rpartition(".")
+        entry = network.entries.get(block)
+        if entry is not None and port in entry.cls.spec.inputs:
+            if entry.cls.spec.inputs[port].variadic:
+                raise UsageError(f"'{whole}' takes many wires; name the output that drives it")
+            return (block, port), whole, component
     end = output_at(network, text)
-    if end.component or end.port in network.entries[end.block].cls.spec.states:
-        raise UsageError(f"'{text}': expected a whole input or output of a block")
-    return end.block, end.port
+    if end.port in network.entries[end.block].cls.spec.states:
+        raise UsageError(f"'{text}': expected an input or output of a block, or a component of one")
+    return (end.block, end.port), _whole(text, end), end.component
 
 
-def _cut_at(network: Network, text: str) -> Endpoint:
-    end = output_at(network, text)
-    kind = network.types.get((end.block, end.port))
-    if kind is None:
+def _cut_at(network: Network, text: str) -> Watched:
+    watched, _ = _watch(network, text)
+    if watched.is_state:
         raise UsageError(f"'{text}': expected an output of a block, at which the loop is cut")
-    return end
+    return watched
 
 
-def _watch(network: Network, text: str) -> Watched:
+def _watch(network: Network, text: str) -> tuple[Watched, list[str]]:
+    """What is read at an address, and the addresses of its numbers."""
     end = output_at(network, text)
-    return Watched(end, end.port in network.entries[end.block].cls.spec.states)
+    port = end.block, end.port
+    names, whole = _names(network, port), _whole(text, end)
+    labelled = [f"{whole}.{name}" if name else whole for name in names]
+    is_state = end.port in network.entries[end.block].cls.spec.states
+    if not end.component:
+        return Watched(end, is_state), labelled
+    numbers = _numbers(network, port, end.component, text)
+    return Watched(replace(end, component=""), is_state, numbers), [labelled[i] for i in numbers]
+
+
+def _whole(text: str, end: Endpoint) -> str:
+    """An address without its component."""
+    if not end.component:
+        return text
+    return text.rpartition("[" if text.endswith("]") else ".")[0]
+
+
+def _names(network: Network, port: Port) -> list[str]:
+    """The components of a signal or a state, number by number; [''] if it is a number."""
+    entry = network.entries[port[0]]
+    spec = entry.cls.spec
+    if port[1] not in spec.states:
+        return [each[1:] for each in labels("", network.types[port])]
+    shape = state_shape(entry.block, spec.states[port[1]], network.context(port[0]))
+    named = entry.block.state_names.get(port[1], ())
+    return list(named or map(str, range(math.prod(shape)))) if shape else [""]
+
+
+def _numbers(network: Network, port: Port, component: str, text: str) -> tuple[int, ...]:
+    """Which numbers of a signal or a state a component is: by name, by number, or a range."""
+    names = _names(network, port)
+    if not component:
+        return tuple(range(len(names)))
+    if component in names:
+        return (names.index(component),)
+    found = None if names == [""] else columns(Vector(len(names)), component)
+    if found is None:
+        has = hint(component, names) or f"; it has {', '.join(filter(None, names)) or 'none'}"
+        raise UsageError(f"'{text}': there is no component '{component}'{has}")
+    return tuple(range(len(names))[found]) if isinstance(found, slice) else (found,)
 
 
 def output_at(network: Network, text: str) -> Endpoint:
+    """The output or state of a block at an address.
+
+    Raises
+    ------
+    UsageError : there is none.
+    """
     try:
         end = find(network.scope, text).end
     except AddressError as error:
@@ -183,15 +232,3 @@ def output_at(network: Network, text: str) -> Endpoint:
     if message or end.block not in network.entries:
         raise UsageError(message or f"'{end.block}' is removed")
     return end
-
-
-def _rows(network: Network, text: str, watch: Watched) -> list[str]:
-    end = watch.end
-    if end.component:
-        return [text]
-    if not watch.is_state:
-        return labels(text, network.types[end.block, end.port])
-    entry = network.entries[end.block]
-    spec = entry.cls.spec
-    shape = state_shape(entry.block, spec.states[end.port], network.context(end.block))
-    return [f"{text}.{i}" for i in range(math.prod(shape))] if shape else [text]

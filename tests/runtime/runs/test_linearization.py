@@ -78,7 +78,7 @@ def test_a_linear_system_is_found_again_through_its_source() -> None:
     [
         (["spring.inpt"], [], "'spring' has no output or state 'inpt'"),
         ([], ["positon.out"], "did you mean 'position'"),
-        (["position.integral"], [], "expected a whole input or output"),
+        (["position.integral"], [], "expected an input or output of a block"),
     ],
 )
 def test_wrong_addresses(inputs: list[str], outputs: list[str], message: str) -> None:
@@ -91,6 +91,69 @@ def test_states_that_do_not_exist_and_graphs_without_any() -> None:
         pendulum().linearize([], [], states={"p.thet": 0.0})
     with pytest.raises(UsageError, match="the graph has no states"):
         runtime.Graph().add("c", blocks.Constant(value=1.0)).linearize()
+
+
+TANK = {
+    "run": {"dt": 0.01, "until": 2.0},
+    "blocks": {
+        "f": {"type": "Constant", "value": [1.0, 2.0], "signal": "Vector(2)"},
+        "p": {
+            "type": "DynamicSystem",
+            "states": ["V", "W"],
+            "names": ["F", "G"],
+            "let": {"Q": "V**2"},
+            "derivative": ["F - Q", "G - V*W"],
+            "initial": [1, 2],
+        },
+        "hold": {"type": "UnitDelay", "dt": 0.05},
+        "cart": {"type": "Unicycle"},
+        "k": {"type": "Constant", "value": [1.0, 0.0], "signal": "Twist"},
+    },
+    "wires": {
+        "p": {"u": ["f.value[0]", "f.value[1]"]},
+        "hold": {"input": "p.out"},
+        "cart": {"command": "k.value"},
+    },
+}
+
+
+def test_every_name_that_is_printed_is_accepted() -> None:
+    """As an output, an input, a state's value, a cut; each is what it is among all others."""
+    graph = runtime.load(TANK)
+    whole = graph.linearize(["f.value", "k.value"], ["p.x", "p.out", "cart.pose"])
+    for number, name in enumerate(whole.inputs):
+        for other, output in enumerate(whole.outputs):
+            one = graph.linearize([name], [output])
+            assert (one.inputs, one.outputs) == ((name,), (output,))
+            np.testing.assert_allclose(one.b[:, 0], whole.b[:, number], atol=1e-9)
+            np.testing.assert_allclose(one.c[0], whole.c[other], atol=1e-9)
+    sampled = graph.linearize(["f.value"], ["hold.out"])
+    for states in (whole.states, sampled.states):
+        assert graph.linearize([], list(states)).outputs == states
+    np.testing.assert_allclose(
+        graph.linearize([], list(whole.states)).c, np.eye(len(whole.states)), atol=1e-9
+    )
+    for name, at in zip(whole.states, whole.point, strict=True):
+        moved = graph.linearize([], states={name: at + 0.25})
+        assert moved.point[moved.states.index(name)] == at + 0.25
+    assert whole.outputs[:2] == ("p.x.V", "p.x.W")
+    a = graph.linearize(["f.value.0"], ["p.x.V"])
+    assert a.a[a.states.index("p.x.V"), a.states.index("p.x.V")] == pytest.approx(-2.0, abs=1e-6)
+    np.testing.assert_array_equal(
+        graph.linearize([], ["p.x.0"]).c, graph.linearize([], ["p.x.V"]).c
+    )
+    assert graph.linearize([], ["p.x[0:2]"]).outputs == ("p.x.V", "p.x.W")
+    assert graph.linearize([], ["p.out[1:2]"]).outputs == (whole.outputs[3],)
+
+
+def test_a_component_at_which_a_loop_is_cut_is_the_same_by_any_name() -> None:
+    system = blocks.DynamicSystem(derivative=["-x[0] + u[0]", "-2*x[1] + u[1]"], initial=[0, 0])
+    graph = runtime.Graph(dt=0.01, until=1.0).add("p", system)
+    graph = graph.connect("p.out[0]", "p.u").connect("p.out[1]", "p.u")
+    one, other = graph.linearize(opened="p.out.1"), graph.linearize(opened="p.out[1]")
+    np.testing.assert_allclose(one.a, other.a)
+    np.testing.assert_allclose(one.a, [[0.0, 0.0], [0.0, -2.0]], atol=1e-8)
+    np.testing.assert_allclose(one.c, other.c)
 
 
 @pytest.mark.slow
