@@ -126,6 +126,7 @@ class Engine:
     is_checked: bool = field(init=False, default=False)
     wall_s: float = field(init=False, default=0.0)
     ready_s: float = field(init=False, default=0.0)
+    began: float | None = field(init=False, default=None)
     begun: Begun = field(init=False)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
@@ -226,7 +227,7 @@ class Engine:
         ------
         SimulationError : a block failed. KeyboardInterrupt : the run was interrupted.
         """
-        began = time.perf_counter()
+        began = self.began = time.perf_counter()
         try:
             with stoppable() if at_once else nullcontext():
                 if not self.is_checked and self.state.tick < last:
@@ -236,7 +237,11 @@ class Engine:
                         self.profile.restart()
                 self._loop(last, progress)
         finally:
-            self.wall_s += time.perf_counter() - began
+            self.wall_s, self.began = self.elapsed(), None
+
+    def elapsed(self) -> float:
+        """The time (s) that its ticks took so far, also in the middle of :meth:`advance`."""
+        return self.wall_s + (0.0 if self.began is None else time.perf_counter() - self.began)
 
     def finish(self) -> Outcome:
         """What was recorded up to now."""

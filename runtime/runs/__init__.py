@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         new_folder,
         recover,
         remove,
+        root_of,
         save,
         save_elsewhere,
     )

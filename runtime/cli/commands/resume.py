@@ -38,16 +38,18 @@ def add(parser: ArgumentParser) -> None:
         help="go on although another version of the program began the run: its numbers may differ",
     )
     add_real_time(parser)
-    add_output(parser, "runs", "run folders")
-    parser.set_defaults(vs=None, labels="", animate=False, profile=False, watch=False)
+    add_output(parser, "where the run is", "the new run folder")
+    parser.set_defaults(out="", vs=None, labels="", animate=False, profile=False, watch=False)
 
 
 def run(options: Namespace) -> int:
     """Go on, and write the run folder as ``runtime run`` does."""
     from runtime.graph import resumable
+    from runtime.runs import root_of
 
     options.checkpoint = options.checkpoint or EVERY
     found = resumable(options.run, options.until, options.mixed)
+    options.out = options.out or str(root_of(found.folder, found.graph.title))
     if not (options.quiet or options.json):
         tell(f"going on with {found.folder}")
     return finished(options, found.graph.check(), None, found.source).code

@@ -20,7 +20,7 @@ import blocks
 import runtime
 from runtime.engine import Engine, adopt
 from runtime.graph import resumable
-from runtime.runs import chosen_runner
+from runtime.runs import Checkpoints, chosen_runner
 from runtime.runs.checkpoint import content, restored
 from runtime.runs.fingerprint import Program
 from tests.conftest import Run
@@ -136,6 +136,52 @@ def test_a_complete_run_goes_on_for_longer(cli: Run, tmp_path: Path) -> None:
     whole = runtime.load(SERVO).run(until=0.25)
     for name in whole.probes:
         np.testing.assert_array_equal(run[name], whole[name], name)
+
+
+def test_a_run_goes_on_where_it_was_written(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "servo.yaml").write_text(runtime.load(SERVO).to_yaml())
+    begin = ["run", "servo.yaml", "--checkpoint", "1h", "--no-plots", "-q", "--out", "made/here"]
+    assert cli(*begin).returncode == 0
+    for place, until in (("made/here/servo", 0.25), ("made/here/servo/latest", 0.3)):
+        assert cli("resume", place, "--until", f"{until}", "--no-plots", "-q").returncode == 0
+        assert runtime.open(tmp_path / "made/here/servo/latest").manifest["until"] == until
+    done = cli("resume", "made/here/servo", "--until", "0.4", "--out", "else", "--no-plots", "-q")
+    assert done.returncode == 0 and (tmp_path / "else" / "servo" / "latest").exists()
+    assert not (tmp_path / "runs").exists()
+    (tmp_path / "made/here/servo/latest").resolve().rename(tmp_path / "mine")
+    assert cli("resume", "mine", "--until", "0.5", "--no-plots", "-q").returncode == 0
+    assert runtime.open(tmp_path / "servo" / "latest").manifest["until"] == 0.5
+
+
+def test_the_time_of_a_tick_is_that_of_all_ticks(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """On a clock on which a start takes 100 s and a call of the progress bar 1 s; all else none."""
+    clock = [0.0]
+    monkeypatch.setattr("time.perf_counter", lambda: clock[0])
+    prepare = Engine.prepare
+
+    def slow(engine: Engine) -> Any:
+        clock[0] += 100.0
+        return prepare(engine)
+
+    monkeypatch.setattr(Engine, "prepare", slow)
+
+    def tick(done: int, total: int) -> None:
+        clock[0] += 1.0
+
+    source = None
+    for until in (0.1, 0.3):
+        graph = runtime.load({**SERVO, "run": {"dt": 0.001, "until": until}}).check()
+        engine = Engine(graph.program(growing=True), 0)
+        after = Checkpoints(tmp_path, 0.0, source).begin(engine, tick)
+        engine.advance(graph.network.ticks // 2, after)
+        engine.advance(graph.network.ticks, after)
+        outcome = engine.finish()
+        assert outcome.ready_s == 100.0
+        assert outcome.wall_s - outcome.ready_s == clock[0] % 100.0
+        source = tmp_path / "checkpoint.npz", outcome.arrays
+        source[0].write_bytes(content(engine))
 
 
 def test_a_run_without_a_checkpoint_says_what_to_do(cli: Run, tmp_path: Path) -> None:
