@@ -13,7 +13,7 @@ from typing import Any
 from runtime.compare import text_of
 from runtime.errors import UsageError
 from runtime.experiments.execution import check_entries, read_plan
-from runtime.experiments.tuning import CONTEST, agreement
+from runtime.experiments.tuning import CONTEST, HOW, ONCE, agreement
 from runtime.experiments.tuning.contest_plots import contest_figure, read_contest
 from runtime.files import check_form
 from runtime.reports import pieces
@@ -107,10 +107,13 @@ def _facts(stored: Mapping[str, Any]) -> Html:
 
 def _differences(stored: Mapping[str, Any]) -> Html:
     first, unit = next(iter(stored["contestants"])), stored["paired_by"]
+    is_once = any(len(own) == 1 and own[0]["values"] for own in stored["contestants"].values())
+    once = f"{ONCE[0].upper()}{ONCE[1:]}. ".replace("\n", " ") if is_once else ""
     note = element(
         "p",
         f"Means are over the held-out {unit}s and all tunings. Differences are from {first}, or "
-        f"from the one named, paired by {unit}; in %, the typical ratio of skewed values. "
+        f"from the one named, paired by {unit}; in %, the ratio of geometric means of skewed "
+        f"values. Tested by {HOW}. {once}"
         f"{significance(stored['correction'], unit + 's')}",
         class_="soft small",
     )

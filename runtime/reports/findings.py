@@ -17,6 +17,7 @@ from runtime.experiments.analysis import (
     NEGLIGIBLE,
     NEVER,
     SAME,
+    THESE,
     TOO_FEW,
     UNRANKED,
     is_significant,
@@ -182,6 +183,8 @@ def _contestant(lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: 
     difference = line["difference"] or {}
     note = "" if _is_significant(line) else f"{NOT_SIGNIFICANT}, "
     p = _p(difference.get("p_adjusted"))
+    if difference.get("verdict") == THESE:
+        note, p = f"{THESE} differ, of one tuning each, ", _p(difference.get("p_of_these"))
     if difference.get("verdict") in (TOO_FEW, EQUAL, NEGLIGIBLE, SAME, UNRANKED):
         note, p = difference["verdict"], ""
     return f"{name}, {mean}{share} ({note}{p})".replace(" ()", "").replace(", )", ")")

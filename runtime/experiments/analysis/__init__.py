@@ -6,12 +6,14 @@ from runtime.experiments.analysis.comparison import (
     Questions,
     Sample,
     compare,
+    corrected,
 )
 from runtime.experiments.analysis.comparison_text import (
     comparison_rows,
     comparison_table,
     legend,
 )
+from runtime.experiments.analysis.crossed import Contestant, crossed_difference
 from runtime.experiments.analysis.groups import Tally, TrialGroup, gather, is_same
 from runtime.experiments.analysis.samples import failed_value, mean_value, samples_of
 from runtime.experiments.analysis.statistics import (
@@ -37,6 +39,7 @@ from runtime.experiments.analysis.words import (
     NEVER,
     SAME,
     SAME_RUNS,
+    THESE,
     TOO_FEW,
     UNRANKED,
     apart,

@@ -29,7 +29,7 @@ from runtime.experiments.analysis.statistics import (
     mcnemar_test,
     number_or_none,
 )
-from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, TOO_FEW, UNRANKED
+from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, THESE, TOO_FEW, UNRANKED
 from runtime.experiments.design import BASELINE
 
 PER = " per "  # in the name of a trend: error per wind.speed
@@ -76,7 +76,7 @@ class ComparisonLine:
     @property
     def has_significant_difference(self) -> bool | None:
         """Whether the difference is significantly different from zero; None if it has no p."""
-        if self.difference is None or math.isnan(self.p_adjusted):
+        if self.difference is None or math.isnan(self.p_adjusted) or self.difference.is_of_these:
             return None
         return is_significant(self.p_adjusted)
 
@@ -105,11 +105,13 @@ class ComparisonLine:
             return "-"
         if difference.is_too_small or self.needed > self.runs:
             return TOO_FEW
+        if difference.is_of_these and is_significant(self.p_adjusted):
+            return THESE
         if self.has_significant_difference:
             return "yes"
         if difference.is_negligible:
             return NEGLIGIBLE
-        return "-" if self.has_significant_difference is None else "no"
+        return "-" if math.isnan(self.p_adjusted) else "no"
 
     @property
     def needed(self) -> int:
@@ -134,9 +136,12 @@ class ComparisonLine:
             "difference": None,
         }
         if difference is not None:
+            p = number_or_none(self.p_adjusted)
+            these = {"p_of_these": p} if difference.is_of_these else {}
             line["difference"] = {
                 **difference.to_dict(),
-                "p_adjusted": number_or_none(self.p_adjusted),
+                **these,
+                "p_adjusted": None if these else p,
                 "distinguishable": self.has_significant_difference,
                 "p_presence": number_or_none(self.p_presence),
                 "verdict": self.verdict,
@@ -220,11 +225,16 @@ def compare(
             lines.append(_line(metric, setting, variants, variant, reference, questions))
         for variant, reference in questions.contrasts:
             lines.append(_line(metric, setting, variants, variant, reference, questions))
+    return corrected(lines, questions)
+
+
+def corrected(lines: Sequence[ComparisonLine], questions: Questions) -> list[ComparisonLine]:
+    """The lines with p values corrected over all that are tested."""
     tested = [line for line in lines if questions.is_primary(line.metric)]
     compared = [_p(line.difference) for line in tested]
-    corrected = benjamini_hochberg([*compared, *(line.p_presence for line in tested)])
-    p = dict(zip(map(id, tested), corrected[: len(tested)], strict=True))
-    q = dict(zip(map(id, tested), corrected[len(tested) :], strict=True))
+    both = benjamini_hochberg([*compared, *(line.p_presence for line in tested)])
+    p = dict(zip(map(id, tested), both[: len(tested)], strict=True))
+    q = dict(zip(map(id, tested), both[len(tested) :], strict=True))
     return [
         replace(
             line,

@@ -68,14 +68,26 @@ def comparison_table(
     return table(rows, range(1, len(rows[0])), indent="")
 
 
-def legend(lines: Sequence[ComparisonLine], test: Test = "auto") -> str:
-    """Explanations of the table's columns, as far as they are needed."""
+def legend(
+    lines: Sequence[ComparisonLine],
+    test: Test = "auto",
+    paired: str = "the baseline on the same seed",
+    how: str = "",
+) -> str:
+    """Explanations of the table's columns, as far as they are needed.
+
+    Parameters
+    ----------
+    paired : what differences are to.
+    how : they are tested; by default, by the test.
+    """
     if all(line.own.is_same or line.is_removed for line in lines):
-        return f"Differences are to the baseline. {SAME}: {SAME_RUNS}."
+        to = paired.partition(" on the same")[0].removesuffix(",")
+        return f"Differences are to {to}. {SAME}: {SAME_RUNS}."
     differences = [line.difference for line in lines if line.difference is not None]
     notes = [
-        "±: 95 % interval. Differences are to the baseline on the same seed:",
-        f"{TESTS[test]}.",
+        f"±: 95 % interval. Differences are to {paired}:",
+        f"{how or TESTS[test]}.",
         f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all that can differ.",
     ]
     scales = {each.scale for each in differences if not (each.is_same or each.is_equal)}
@@ -83,6 +95,8 @@ def legend(lines: Sequence[ComparisonLine], test: Test = "auto") -> str:
         notes.append("ranks: signed-rank test and Hodges-Lehmann estimate of the difference.")
     if "log ranks" in scales:
         notes.append("difference in %: of skewed values, the typical ratio, by signed ranks.")
+    if "log t" in scales:
+        notes.append("difference in %: of skewed values, the ratio of their geometric means.")
     verdicts = {line.verdict for line in lines}
     if any(each.margin for each in differences):
         notes.append(f"margin: differs means by more; {NEGLIGIBLE}: the interval is within it.")
@@ -99,21 +113,25 @@ def legend(lines: Sequence[ComparisonLine], test: Test = "auto") -> str:
     if UNRANKED in verdicts:
         notes.append(f"{UNRANKED}: {NO_DIRECTION}.")
     if TOO_FEW in verdicts:
-        few = [line for line in lines if line.verdict == TOO_FEW]
-        needed = max(few, key=lambda line: line.needed)
-        against = needed.difference.against if needed.difference is not None else 0
-        runs = f"{against} failed or infinite run{'s' * (against > 1)}"
-        pairs = needed.difference.pairs if needed.difference is not None else 0
-        pairs = pairs or needed.runs
-        why = f"; of {pairs} pairs p is at least {2.0 ** (1 - pairs):.2g}"
-        if against:
-            why = f": {runs} of {pairs} against the others, with the largest rank"
-        notes.append(f"{too_few(needed.needed)}{why}.")
+        notes.append(_few([line for line in lines if line.verdict == TOO_FEW]))
     if any(line.has_significant_presence for line in lines):
         notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
     if any(line.is_removed for line in lines):
         notes.append("removed: what the metric measures was removed.")
     return "\n".join(notes)
+
+
+def _few(lines: Sequence[ComparisonLine]) -> str:
+    """Why there are too few pairs, and how many are needed."""
+    line = max(lines, key=lambda line: line.needed)
+    pairs = line.difference.pairs if line.difference is not None else 0
+    against = line.difference.against if line.difference is not None else 0
+    pairs = pairs or line.runs
+    why = f"; of {pairs} pairs p is at least {2.0 ** (1 - pairs):.2g}"
+    if against:
+        runs = f"{against} failed or infinite run{'s' * (against > 1)}"
+        why = f": {runs} of {pairs} against the others, with the largest rank"
+    return f"{too_few(line.needed)}{why}."
 
 
 def _cells(

@@ -32,7 +32,7 @@ from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_inte
 CONFIDENCE = 0.95
 LEVEL = 1.0 - CONFIDENCE  # of significance
 Test = Literal["auto", "t", "ranks"]
-Scale = Literal["t", "ranks", "log ranks"]  # what auto takes
+Scale = Literal["t", "ranks", "log ranks", "log t"]  # what auto takes; "log t" in contests
 TESTS: dict[Test, str] = {
     "auto": "paired t, or signed ranks where values are skewed or runs failed",
     "t": "paired t",
@@ -141,6 +141,7 @@ class PairedDifference(Estimate):
     margin : the smallest difference that counts; ``p`` is of a larger one.
     is_negligible : the difference lies within the margin: both one-sided tests at 2.5 % say so
         (Schuirmann, 1987).
+    is_of_these : of a contest in which a method was tuned once, ``p`` is of these controllers.
     """
 
     p: float = math.nan
@@ -151,9 +152,11 @@ class PairedDifference(Estimate):
     is_equal: bool = False
     is_negligible: bool = False
     against: int = 0
+    is_of_these: bool = False
 
     def to_dict(self) -> dict[str, Any]:
-        tested = {"p": number_or_none(self.p), "pairs": self.pairs, "needed": self.needed}
+        p = None if self.is_of_these else number_or_none(self.p)
+        tested = {"p": p, "pairs": self.pairs, "needed": self.needed}
         return {**super().to_dict(), **tested, "test": self.scale, "margin": self.margin}
 
     @property

@@ -22,6 +22,7 @@ NEVER = "never"
 FAILED = "failed"
 EQUAL = "equal"
 NEGLIGIBLE = "negligible"
+THESE = "these controllers"
 UNRANKED = "failures not ranked"
 NO_DIRECTION = (
     "runs failed, and the metric has no direction in which that is worse\n"

@@ -2,6 +2,8 @@
 
 from runtime.experiments.tuning.contest import (
     CONTEST,
+    HOW,
+    ONCE,
     agreement,
     contest_plans,
     run_contest,

@@ -8,7 +8,8 @@ the held-out conditions (or seeds, of one condition), and how far the tunings of
 
 What a contestant enters is the winner of its training runs, or its own values where none is better:
 held-out runs choose nothing. A tuning repeated with another seed of the sampler is the same
-contestant, tuned as well as it happened to be: conditions are paired over the mean of all tunings.
+contestant, tuned as well as it happened to be: tunings are a sample as conditions and seeds are,
+and of one tuning each the table compares these controllers, not what they are tuned from.
 """
 
 from __future__ import annotations
@@ -24,17 +25,19 @@ from typing import Any
 import numpy as np
 
 from runtime.experiments.analysis import (
+    ANY,
     CORRECTION,
     ComparisonLine,
+    Contestant,
     Questions,
-    Sample,
-    compare,
     comparison_table,
+    corrected,
+    crossed_difference,
     legend,
 )
 from runtime.experiments.design import Experiment, RunSet, slugs
 from runtime.experiments.execution import Note, RunOptions, write_checked
-from runtime.experiments.tuning.judging import held_out_units
+from runtime.experiments.tuning.judging import held_out_values
 from runtime.experiments.tuning.output import save_json
 from runtime.experiments.tuning.plan import BASELINE, TuningPlan, contestant_plan
 from runtime.experiments.tuning.running import TuningResult, run_tuning
@@ -42,6 +45,12 @@ from runtime.experiments.tuning.scores import Candidate
 from runtime.terminal import Progress, number, table
 
 CONTEST = "contest.json"
+HOW = "t of tunings, conditions and seeds as samples (Satterthwaite)"
+WORST = "each counts as the worst value of its condition"
+ONCE = (
+    "one tuning of each: differences are between these controllers. What other tunings would have "
+    "found\nis not known, so that no difference between the methods is called (repeats: 2 or more)"
+)
 
 
 @dataclass
@@ -61,27 +70,38 @@ class ContestResult:
 
     @cached_property
     def lines(self) -> list[ComparisonLine]:
-        """The paired table: each contestant beside the first, then all other pairs."""
-        names = list(self.tunings)
-        plan = self.plan
-        samples = {
-            (metric, ""): {name: self._sample(name, metric) for name in names}
-            for metric in plan.tuning.metrics
-        }
-        pairs = [(b, a) for i, a in enumerate(names[1:], 1) for b in names[i + 1 :]]
-        asked = Questions("auto", (), pairs, self.margins, plan.ends, plan.never)
-        return compare(samples, names[0], asked)
+        """The table: each contestant beside the first, then all other pairs."""
+        names, plan = list(self.tunings), self.plan
+        asked = Questions("auto", (), (), self.margins, plan.ends, plan.never)
+        pairs = [(name, names[0] if i else None) for i, name in enumerate(names)]
+        pairs += [(b, a) for i, a in enumerate(names[1:], 1) for b in names[i + 1 :]]
+        lines = []
+        for metric in plan.tuning.metrics:
+            entries = {name: self._contestant(name, metric) for name in names}
+            lines += [_line(metric, name, entries, other, asked) for name, other in pairs]
+        return corrected(lines, asked)
 
-    def _sample(self, name: str, metric: str) -> Sample:
-        """Of each unit the mean over the tunings; a failed run is the worst value."""
-        tunings = [held_out_units(each.plan, metric, entered(each)) for each in self.tunings[name]]
-        units = zip(*(values for values, _ in tunings), strict=True)
-        means = tuple(
-            None if None in unit else float(np.mean([v for v in unit if v is not None]))
-            for unit in units
-        )
-        failed = sum(value is not None and math.isinf(value) for value in means)
-        return Sample(means, failed, all(same for _, same in tunings) and len(tunings) == 1)
+    def _contestant(self, name: str, metric: str) -> Contestant:
+        own = self.tunings[name]
+        found = [held_out_values(each.plan, metric, entered(each)) for each in own]
+        is_same = all(same for _, same in found)
+        values = np.array([values for values, _ in found])
+        # A seed that changes nothing has been run once.
+        values = values[:, :, :1] if is_same and values.shape[1] > 1 else values
+        return Contestant(values, bool(own[0].plan.paths), is_same)
+
+    def _failures(self) -> Iterator[str]:
+        """How many held-out runs of each contestant count as the worst value."""
+        for name, own in self.tunings.items():
+            failed = sum(row.status != "ok" for each in own for row in entered(each).rows.values())
+            if failed:
+                runs = len(own) * len(self.plan.tuning.held_out)
+                yield f"{name}: {failed} of {runs} held-out runs failed: {WORST}"
+
+    @property
+    def is_once(self) -> bool:
+        """Whether a method was tuned only once."""
+        return any(len(own) == 1 and own[0].plan.paths for own in self.tunings.values())
 
     def to_dict(self) -> dict[str, Any]:
         """What contest.json holds."""
@@ -118,8 +138,9 @@ class ContestResult:
         lines += ["", table([head, *rows], right=range(1, 4 + len(tuning.metrics)))]
         if len(self.tunings) > 1:
             lines += ["", comparison_table(self.lines, plan.units, plan.never), ""]
-            lines += [legend(self.lines).replace("the baseline on the same seed", self._paired)]
-        return "\n".join([*lines, *agreement(self.to_dict())])
+            lines += [legend(self.lines, paired=self._paired, how=HOW)]
+            lines += [ONCE] * self.is_once
+        return "\n".join([*lines, *self._failures(), *agreement(self.to_dict())])
 
     @property
     def _unit(self) -> str:
@@ -140,6 +161,24 @@ class ContestResult:
         return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
 
 
+def _line(
+    metric: str,
+    name: str,
+    entries: Mapping[str, Contestant],
+    other: str | None,
+    asked: Questions,
+) -> ComparisonLine:
+    """One contestant, beside another one."""
+    one = entries[name]
+    own = one.estimate(asked.ends.get(metric, ANY))
+    line = ComparisonLine(name, metric, len(one.units), own, reference=other, failed=own.never)
+    if other is None:
+        return line
+    is_skewed = True if metric in asked.never else None
+    compared = crossed_difference(one, entries[other], is_skewed, asked.margin(metric))
+    return replace(line, difference=compared)
+
+
 def agreement(facts: Mapping[str, Any]) -> Iterator[str]:
     """By how much the tunings of each contestant differ; nothing if there is one of each.
 
@@ -149,14 +188,20 @@ def agreement(facts: Mapping[str, Any]) -> Iterator[str]:
     """
     metric = facts["metrics"][0]
     for name, tunings in facts["contestants"].items():
-        scores = [each["metrics"].get(metric) for each in tunings]
-        scores = [math.nan if score is None else score for score in scores]
-        if len(scores) > 1 and any(each["values"] for each in tunings):
-            best, worst = min(scores), max(scores)
-            is_ratio = best > 0.0 and worst < math.inf
-            ratio = f", a ratio of {worst / best:.3g}" if is_ratio else ""
-            ends = f"{number(best)} to {number(worst)}"
-            yield f"{name}: {metric} of {len(scores)} tunings from {ends}{ratio}"
+        if len(tunings) < 2 or not any(each["values"] for each in tunings):
+            continue
+        found = [each["metrics"].get(metric) for each in tunings]
+        scores = [x for x in found if x is not None and math.isfinite(x)]
+        failed = len(found) - len(scores)
+        bad = f"; {failed} without a value, since held-out runs failed" * bool(failed)
+        if not scores:
+            yield f"{name}: {metric} of none of {len(found)} tunings{bad}"
+            continue
+        best, worst = min(scores), max(scores)
+        ratio = f", a ratio of {worst / best:.3g}" * (best > 0.0)
+        many = f"{len(scores)} of {len(found)}" if failed else f"{len(found)}"
+        ends = f"{number(best)} to {number(worst)}"
+        yield f"{name}: {metric} of {many} tunings from {ends}{ratio}{bad}"
 
 
 def entered(tuning: TuningResult) -> Candidate:

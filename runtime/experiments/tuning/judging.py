@@ -196,12 +196,18 @@ def _evaluate(
     return Evaluation(mean, len(values), over, paired)
 
 
-def held_out_units(
+def held_out_values(
     plan: TuningPlan, metric: str, one: Candidate
-) -> tuple[list[float | None], bool]:
-    """A metric of the held-out runs: one value per condition, or per seed of a single one."""
-    scorer = Scorer(plan.tuning, plan.metrics)
-    return _units(plan, scorer, metric, plan.tuning.held_out, one)
+) -> tuple[list[list[float]], bool]:
+    """A metric of the held-out runs by condition and seed, and whether the seed changes nothing.
+
+    NaN where there is no value, infinite of a run that failed.
+    """
+    runs, column = plan.tuning.held_out, plan.metrics.index(metric)
+    rows = [[one.rows[name, seed] for seed in runs.seeds] for name in runs.names]
+    found = [[failed_value(row, column, plan.worst(metric)) for row in each] for each in rows]
+    values = [[math.nan if value is None else value for value in each] for each in found]
+    return values, all(is_same(each, column) for each in rows)
 
 
 def _units(
