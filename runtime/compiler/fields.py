@@ -92,17 +92,46 @@ def type_of(value: Any) -> Type:
 
 
 @dataclass(frozen=True)
+class Read:
+    """What translation has read from code of the user's own: it may be another one at the next run.
+
+    owner : a module's namespace, a class, or a function whose attribute it is.
+    """
+
+    owner: Any
+    name: str
+    value: Any
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether there is another value now: another number or text, or another object."""
+        owner = self.owner
+        now = owner.get(self.name) if isinstance(owner, dict) else getattr(owner, self.name, None)
+        if now is self.value:
+            return False
+        is_plain = type(now) is type(self.value) and isinstance(now, (int, float, str))
+        return not (is_plain and repr(now) == repr(self.value))  # -0.0 is not 0.0, nan is nan
+
+
+@dataclass(frozen=True)
 class Fields:
     """The attributes of a block and of its state that its compiled text depends on.
 
     attributes : those that it reads, in the order of its struct, as ("self" or "state", name).
     types : their types, as texts.
     constants : attributes whose values were written into the text.
+    reads : globals, methods and functions of the user's own whose values and code are in the text.
     """
 
     attributes: tuple[Attribute, ...]
     types: tuple[str, ...]
     constants: Mapping[Attribute, Any]
+    reads: tuple[Read, ...] = ()
+
+    @property
+    def are_current(self) -> bool:
+        """Whether what was read of the user's own code is still the same."""
+        return not any(read.has_changed for read in self.reads)
 
     @property
     def has_functions_of_others(self) -> bool:
@@ -121,6 +150,8 @@ class Fields:
         """The values; None if constants or shapes are not those of this block and state."""
         of = {"self": made, "state": state}
         if any(getattr(of[o], name) != value for (o, name), value in self.constants.items()):
+            return None
+        if not self.are_current:
             return None
         values = self.values(made, state)
         return values if type_texts(values) == self.types else None

@@ -27,17 +27,28 @@ import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
 from blocks.core.polynomials import any_order, exponent_of, power_of_two
+from blocks.registry import is_built_in
 from runtime.codegen import ANY_ORDER, Function, Source, unknown_call
 from runtime.compiler.fields import (
     Attribute,
     Fields,
     NotCompilableError,
+    Read,
     plain,
     type_of,
     type_texts,
 )
 from runtime.compiler.folding import Folding, holds_one
 from runtime.compiler.function_source import source_of
+from runtime.compiler.syntax import (
+    assigned_names,
+    constant,
+    copied_list,
+    entries_of,
+    is_call,
+    reads_name,
+    without_list,
+)
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
@@ -50,6 +61,7 @@ class Writer(Folding):
 
     def __init__(self, owner: Translator, function: types.FunctionType, bound: bool) -> None:
         self.owner, self.function, self.bound = owner, function, bound
+        self.is_own = not str(function.__module__).startswith("blocks.")
         self.used: dict[str, None] = {}
 
     def written(self, name: str) -> Function:
@@ -67,16 +79,18 @@ class Writer(Folding):
         names = [a.arg for a in node.args.args]
         if self.bound:
             names = [n for n in names if n not in ("self", "state")]
-        self.locals = {*names, *_assigned(node)}
+        self.locals = {*names, *assigned_names(node)}
         if self.locals & {"math", "np"}:
             raise self.refuse(node, "has a variable that is called 'math' or 'np'")
-        defaults = dict(zip(reversed(names), reversed(node.args.defaults), strict=False))
+        values = reversed(self.function.__defaults__ or ())
+        given = dict(zip(reversed(names), values, strict=False))
+        defaults = {n: self.default(node, n, value) for n, value in given.items()}
         note = (ast.get_docstring(node) or "").split("\n\n")[0]
         # The plan calls output methods without the inputs that the block declares indirect.
         left = self.owner.made.indirect if self.bound else ()
         absent = [n for n in names if n in left and n in defaults]
         names = [n for n in names if n not in absent]
-        reads = [n for n in absent if _reads(node, n)]
+        reads = [n for n in absent if reads_name(node, n)]
         set_first = [ast.Assign([ast.Name(n, ast.Store())], defaults[n]) for n in reads]
         located = [ast.copy_location(each, node) for each in set_first]
         body = [*located, *self.block(node.body)] or [ast.Pass()]
@@ -84,12 +98,34 @@ class Writer(Folding):
             name=name,
             parameters=tuple(names),
             statements=body,
-            defaults={n: self.visit(d) for n, d in defaults.items() if n not in absent},
+            defaults={n: d for n, d in defaults.items() if n not in absent},
             file=code.co_filename,
             line=code.co_firstlineno - 1,
             bound=self.bound,
             note=note,
         )
+
+    def default(self, node: ast.AST, name: str, value: Any) -> ast.expr:
+        """The value of a parameter that is not given: it was computed with the definition."""
+        if isinstance(value, tuple):
+            parts = [self.default(node, name, each) for each in value]
+            return ast.Tuple(parts, ast.Load())
+        if type(value) in (bool, int, float, str, type(None)):
+            return constant(value)
+        kind = type(value).__name__
+        raise self.refuse(node, f"has a default of '{name}' that is no number or text, a {kind}")
+
+    def read(self, name: str) -> Any:
+        """A global of the function; None if there is none."""
+        value = self.function.__globals__.get(name)
+        if self.is_own:
+            self.owner.read(self.function.__globals__, name, value)
+        return value
+
+    def is_builtin(self, name: str) -> bool:
+        """Whether a name is Python's own."""
+        self.read(name)
+        return name not in self.locals and name not in self.function.__globals__
 
     def text(self, function: Function) -> str:
         """The function as Python, which reads the entries of ``b``."""
@@ -121,17 +157,17 @@ class Writer(Folding):
 
     def visit_Assign(self, node: ast.Assign) -> Any:
         if all(isinstance(target, ast.Tuple) for target in node.targets):
-            node.value = _without_list(node.value)
+            node.value = without_list(node.value)
         return self.generic_visit(node)
 
     def visit_For(self, node: ast.For) -> Any:
         source = node.iter
         if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
-            if self.function.__globals__.get(source.func.id) is any_order:
+            if self.read(source.func.id) is any_order:
                 source.func = ast.copy_location(ast.Name("range", ast.Load()), source.func)
                 node.type_comment = ANY_ORDER
-            source.args = [_copied(argument) for argument in source.args]
-        node.iter = _copied(source)
+            source.args = [copied_list(argument) for argument in source.args]
+        node.iter = copied_list(source)
         return self.generic_visit(node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
@@ -157,13 +193,15 @@ class Writer(Folding):
                     load = self.entry(ast.Attribute(node.value, node.attr, ast.Load()), owner)
                     return ast.Subscript(load, ast.Constant(...), node.ctx)
                 return self.entry(node, owner)
-            module = self.function.__globals__.get(owner)
+            module = self.read(owner)
             if isinstance(module, types.ModuleType):
                 value = getattr(module, node.attr, None)
                 if value is None:
                     raise self.refuse(node, f"'{owner}' has no '{node.attr}'")
                 if module not in MODULES:
                     raise self.refuse(node, f"uses the module '{owner}'")
+                if self.is_own:
+                    self.owner.read(vars(module), node.attr, value)
                 return ast.Attribute(ast.Name(MODULES[module], ast.Load()), node.attr, node.ctx)
         return self.generic_visit(node)
 
@@ -196,8 +234,8 @@ class Writer(Folding):
                 value = getattr(of, function.attr, None)
                 if isinstance(value, types.MethodType):
                     return self.called(node, function.attr, value)
-        if isinstance(function, ast.Name) and function.id not in self.locals:
-            if function.id == "tuple" and len(node.args) == 1 and _is_call(node.args[0], "tolist"):
+        if isinstance(function, ast.Name) and self.is_builtin(function.id):
+            if function.id == "tuple" and len(node.args) == 1 and is_call(node.args[0], "tolist"):
                 return self.spelled(node.args[0].func.value)  # type: ignore[attr-defined]
             if (
                 function.id == "float"
@@ -236,7 +274,7 @@ class Writer(Folding):
             return ast.Call(ast.Attribute(inner, "copy", ast.Load()), [], [])
         if kind.form == "scalar":
             return ast.Subscript(inner, ast.Tuple([], ast.Load()), ast.Load())
-        return _entries(inner, len(kind.components))
+        return entries_of(inner, len(kind.components))
 
     def spelled(self, array: ast.expr) -> Any:
         """``tuple(state.x.tolist())`` with the length that the array has."""
@@ -244,7 +282,7 @@ class Writer(Folding):
         value = self.owner.fields.get(inner.id) if isinstance(inner, ast.Name) else None
         if not isinstance(value, np.ndarray) or value.ndim != 1:
             raise self.refuse(array, "makes a tuple of an array of unknown length")
-        return _entries(inner, len(value))
+        return entries_of(inner, len(value))
 
     def visit_Name(self, node: ast.Name) -> Any:
         name = node.id
@@ -252,10 +290,9 @@ class Writer(Folding):
             return node
         if self.bound and name in ("self", "state"):
             raise self.refuse(node, f"passes '{name}' on")
-        scope = self.function.__globals__
-        if name not in scope:
+        value = self.read(name)
+        if name not in self.function.__globals__:
             return node  # a builtin
-        value = scope[name]
         if isinstance(value, types.FunctionType):
             if value in PRIMITIVES:
                 return ast.Name(PRIMITIVES[value], ast.Load())
@@ -265,11 +302,7 @@ class Writer(Folding):
             if callable(value) and getattr(module, of, None) is value:
                 return ast.Attribute(ast.Name(short, ast.Load()), of, node.ctx)
         if isinstance(value, (bool, int, float, str)):
-            return (
-                ast.Constant(value)
-                if value == value and value not in (math.inf, -math.inf)
-                else _written(repr(value))
-            )
+            return constant(value)
         raise self.refuse(node, f"uses '{name}', a {type(value).__name__}")
 
     def refused(self, node: ast.AST) -> Any:
@@ -285,48 +318,6 @@ class Writer(Folding):
     visit_JoinedStr = refused
     visit_Yield = refused
     visit_Global = refused
-
-
-def _written(text: str) -> ast.expr:
-    return ast.Attribute(ast.Name("math", ast.Load()), text, ast.Load())
-
-
-def _entries(array: ast.expr, length: int) -> ast.Tuple:
-    return ast.Tuple(
-        [ast.Subscript(array, ast.Constant(i), ast.Load()) for i in range(length)], ast.Load()
-    )
-
-
-def _without_list(node: ast.expr) -> ast.expr:
-    """``a`` in place of ``a.tolist()`` where its elements are read one by one at once."""
-    return node.func.value if _is_call(node, "tolist") else node  # type: ignore[attr-defined]
-
-
-def _copied(node: ast.expr) -> ast.expr:
-    """``a.copy()`` in place of ``a.tolist()`` where its elements are read one by one later."""
-    if not _is_call(node, "tolist"):
-        return node
-    method = ast.Attribute(node.func.value, "copy", ast.Load())  # type: ignore[attr-defined]
-    return ast.copy_location(ast.Call(method, [], []), node)
-
-
-def _is_call(node: ast.expr, attribute: str) -> bool:
-    return (
-        isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Attribute)
-        and node.func.attr == attribute
-        and not node.args
-    )
-
-
-def _reads(node: ast.FunctionDef, name: str) -> bool:
-    return any(isinstance(inner, ast.Name) and inner.id == name for inner in ast.walk(node))
-
-
-def _assigned(node: ast.AST) -> set[str]:
-    return {
-        n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-    }
 
 
 HEADER = """import math
@@ -377,6 +368,7 @@ def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translat
         tuple(translator.attributes.values()),
         type_texts(translator.fields.values()),
         translator.constants,
+        tuple(translator.reads.values()),
     )
     return Translated(Source(translator.functions, types), text, methods, fields)
 
@@ -400,11 +392,18 @@ class Translator:
         self.functions: dict[str, Function] = {}
         self.texts: dict[str, str] = {}
         self.names: dict[Any, str] = {}
+        self.reads: dict[tuple[int, str], Read] = {}
+
+    def read(self, owner: Any, name: str, value: Any) -> None:
+        """Note what the text depends on."""
+        self.reads.setdefault((id(owner), name), Read(owner, name, value))
 
     def method(self, name: str) -> str:
         """The name of a method's function; writes the function if needed."""
         cls = type(self.made)
         method = getattr(cls, name)
+        if not is_built_in(cls):
+            self.read(cls, name, method)
         if isinstance(method, types.FunctionType):
             method = kernel_for(cls, method, vars(self.state)) or method
         return self.function(method, bound=True)
@@ -423,6 +422,9 @@ class Translator:
             name += "_"
         self.names[function] = name
         writer = Writer(self, function, bound)
+        if writer.is_own:
+            for each in ("__code__", "__defaults__"):
+                self.read(function, each, getattr(function, each))
         made = writer.written(name)
         self.functions[name] = made
         self.texts[name] = writer.text(made)

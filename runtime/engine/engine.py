@@ -259,6 +259,11 @@ class Engine:
         return outcome
 
     @property
+    def is_current(self) -> bool:
+        """Whether compiled code is that of the user's present globals and functions."""
+        return self.exact is None or self.exact.compiled.is_current
+
+    @property
     def is_stopped(self) -> bool:
         """Whether ``run.stop`` has ended the run."""
         return bool(self.state.stop.item(FOUND))

@@ -68,6 +68,10 @@ class CompiledPlan(Runner, Protocol):
     numbers: Array
     blocks: Collection[str]
 
+    @property
+    def is_current(self) -> bool:
+        """Whether the globals and functions that were translated are still the same."""
+
     def read(self, block: str, port: str) -> Any:
         """An output as it is now, in the form that Python blocks take."""
 

@@ -152,6 +152,8 @@ class Session:
             _copied(own.check_left)
         if last > self._engine.network.ticks:
             self._extend(last)
+        elif not self._engine.is_current:
+            self._move_to(self.graph)
         try:
             with BetweenTicks() as interrupts:
                 if pacing is None:

@@ -168,6 +168,7 @@ class CompiledRunner:
         self.numbers: Array = np.zeros(max(1, self.struct.size))
         self.places = Words(self.struct.words)
         self.blocks: Collection[str] = self.kernels.compiled.keys()
+        self.reads = [r for k in self.kernels.compiled.values() for r in k.inputs.reads]
         self.memory = Context()
         # The structs of blocks, in memory of their own or as a copy in that of the plan.
         self.fields: dict[str, Words] = {}
@@ -220,10 +221,15 @@ class CompiledRunner:
         self, network: Network, changed: Collection[str], anew: Collection[str]
     ) -> bool:
         """Take over the numbers of a run that begins again; False if a new runner is needed."""
-        if any(map(self._is_called, changed)):
+        if any(map(self._is_called, changed)) or not self.is_current:
             return False
         self.memory.begin()
         return all(self._take_over(network, name) for name in anew)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the globals and functions that were translated are still the same."""
+        return not any(read.has_changed for read in self.reads)
 
     def _is_called(self, name: str) -> bool:
         """Whether a block is called from Python in a tick."""
