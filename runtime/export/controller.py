@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,8 +32,8 @@ from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
 from runtime.toolchain import available
 
-SPARE = 1.25  # of the arena over what was used, where sizes depend on data
-UNMEASURED = 2**24  # bytes of the arena where sizes depend on data, before they are measured
+SPARE = 2  # of the arena over what was used, where sizes have no bound
+UNMEASURED = 2**24  # bytes of the arena where sizes have no bound, before they are measured
 SOLVERS = re.compile(r"^static void ((?:solver|loop)_\w+)\(", re.MULTILINE)
 CMAKE_FILE = "CMakeLists.txt"
 
@@ -158,7 +157,7 @@ def layout_of(
     with fixed_sizes():
         plan = c_plan(selection.plan, program.names, units.kernels, selection.inputs)
     for text in plan.inner:
-        measure(units, text, SOLVERS.findall(text))
+        measure(units, "the solver", text, SOLVERS.findall(text))
     names = program.names
     constants = {p: np.asarray(engine.namespace[names.signals[p]]) for p in selection.constants}
     arrays = {k: v for k, v in engine.namespace.items() if isinstance(v, np.ndarray)}
@@ -183,7 +182,7 @@ def _measured(
 
     found = native(layout)
     if layout.units.open:
-        arena = max(math.ceil(SPARE * found.arena), layout.units.reserved)
+        arena = max(SPARE * found.arena, layout.units.reserved)
         layout = replace(layout, arena=arena)
         found = native(layout)
     _check(found, float32)

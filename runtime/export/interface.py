@@ -166,17 +166,20 @@ class InterfaceText:
             key = owner, f"state_{item}"
             return self.owned(*key) if key in layout.places and layout.arrays[key].size else "NULL"
         if kind == "initial":
-            return self.table(f"table_{name}", layout.initial(owner, item))
+            values = layout.initial(owner, item)
+            return self.table(f"table_{name}", values) if values.size else "NULL"
         if kind == "open":
             return self.table(name, np.full(*layout.plan.struct.defaults[name]))
         if owner.startswith("probe_"):
             port = layout.selection.outputs[int(owner.removeprefix("probe_"))]
             return f"{'&' * (layout.kind(port).form == 'scalar')}made.{layout.names[port]}"
         if kind == "array":
+            values = layout.engine[owner]
+            if not values.size:  # of guards, in a graph whose steps end at edges alone
+                return "NULL"
             if (ENGINE, owner) in layout.places:
                 return self.owned(ENGINE, owner)
-            values = layout.engine[owner]
-            return f"(double *){self.table(f'table_{name}', values)}" if values.size else "NULL"
+            return f"(double *){self.table(f'table_{name}', values)}"
         port = owner, item
         if port in layout.constants:
             if texts := layout.constant_output(owner):

@@ -4,6 +4,11 @@ In: the text, and the integers among a block's parameters. Out: :class:`Operatio
 function. Lengths are followed through arguments and results, so that loops over them are counted::
 
     product(ctx, a, 4, 4, b, 4)   ->   for (i < a_n0) for (j < b_n1) for (k < a_n1): 64 passes
+
+A length that depends on data is bounded by what it is a part of: at most as many neurons spike as
+there are, whatever happened in a recorded run::
+
+    flatnonzero(ctx, marks, 60)   ->   for (i < 60) found += marked;   found_n0: at most 60
 """
 
 from __future__ import annotations
@@ -20,9 +25,8 @@ HEAD = re.compile(r"^static (?:const )?(?:struct )?\w+ \**(\w+)\((.*)\)$")
 LOOP = re.compile(
     r"for \((?:int64_t )?\w+ = ([^;]+); \w+ ([<>]) ([^;]+); \w+(?:\+\+|--| [+-]= (\d+))\)"
 )
-FIXED = re.compile(
-    r"const int64_t (\w+) = (?:clamped\(.*, |array_size\(ctx, )?([^(),]+)(?:, \d+)?\)?;"
-)
+FIXED = re.compile(r"const int64_t (\w+) = (?:(\w+)\()?([^()]+)\)?;$")
+COUNTED = re.compile(r"^\s*(\w+) \+= marked_\w+;$")  # what is found in an array
 SUM = re.compile(r"const int64_t (\w+) = int_(add|subtract|multiply)\(ctx, (\w+), (\w+), \d+\);")
 RESULT = re.compile(r"const struct \w+ (\w+) = (\w+)\((.*)\);$")
 RETURN = re.compile(r"return \(struct \w+\)\{(?!NULL)(.*)\};$")  # NULL: after a failure
@@ -46,6 +50,10 @@ ONES = ("least", "greatest", "np_least", "np_greatest", "sign_of")
 def inexact(text: str) -> list[str]:
     """The functions that a C text calls of which libraries differ in the last bits."""
     return [name for name in INEXACT if re.search(rf"\b(?:real_)?{name}\(", text)]
+
+
+class AtMost(int):
+    """The largest value of a length that depends on data; the smallest is 0."""
 
 
 @dataclass
@@ -94,7 +102,8 @@ class Counter:
         self, name: str, arguments: list[int | None], entries: Mapping[str, int]
     ) -> tuple[Operations, tuple[int | None, ...]]:
         """The operations of one call, and the integers among what it returns."""
-        key = (name, tuple(arguments), tuple(entries.items()))
+        exact = tuple(type(argument) for argument in arguments)
+        key = (name, tuple(arguments), exact, tuple(entries.items()))
         if key not in self.counted:
             self.counted[key] = Operations(), ()  # no recursion
             parameters, lines = self.functions[name]
@@ -112,7 +121,7 @@ class Counter:
         for line in lines:
             line = SUM.sub(_plain, line)
             found = FIXED.search(line)
-            if found and (value := _value(found[2], known)) is not None:
+            if found and (value := _length(found[2], found[3], known)) is not None:
                 known[found[1]] = value
             loop = LOOP.search(line)
             factor, is_open = 1, "while (" in line
@@ -126,15 +135,16 @@ class Counter:
             done = self.line(LOOP.sub("", line), known, entries)
             done.is_open |= bool(done.reserved) and (opened[-1] or is_open)
             total.add(done, times[-1] * factor)
+            if (counted := COUNTED.search(line)) and not opened[-1]:
+                known[counted[1]] = AtMost(times[-1])
             if line.rstrip().endswith("{"):
                 times.append(times[-1] * factor)
                 opened.append(opened[-1] or is_open)
             if result := RETURN.search(line):
                 parts = () if "(" in result[1] else result[1].split(", ")
                 values = tuple(_value(text, known) for text in parts)
-                # Of two returns, what they do not agree about is unknown.
                 pairs = zip(values, values if returned is None else returned, strict=False)
-                returned = tuple(one if one == other else None for one, other in pairs)
+                returned = tuple(_either(one, other) for one, other in pairs)
         return total, returned or ()
 
     def line(self, line: str, known: dict[str, int], entries: Mapping[str, int]) -> Operations:
@@ -183,8 +193,36 @@ def _value(text: str, known: Mapping[str, int]) -> int | None:
     for sign, number in zip(words[1::2], numbers[1:], strict=False):
         if total is None or number is None or sign not in ("+", "-", "*"):
             return None
-        total = {"+": total + number, "-": total - number, "*": total * number}[sign]
+        # From at most 5, at most 5 is left.
+        less = 0 if isinstance(number, AtMost) else number
+        found = {"+": total + number, "-": total - less, "*": total * number}[sign]
+        is_exact = type(total) is type(number) is int
+        total = found if is_exact else AtMost(found)
     return total
+
+
+def _length(function: str | None, text: str, known: Mapping[str, int]) -> int | None:
+    """What a constant of a function is: an expression, or one in a function of support.h."""
+    if function is None:
+        return _value(text, known)
+    words = text.removeprefix("ctx, ").split(", ")
+    first, last = _value(words[0], known), _value(words[-1], known)
+    if function in ("array_size", "same_size"):
+        return first
+    if function == "not_negative" and first is not None:
+        return first if isinstance(first, AtMost) else max(0, first)
+    if function == "clamped" and last is not None:  # a bound of a slice
+        if first is None or isinstance(first, AtMost) or isinstance(last, AtMost):
+            return AtMost(last if first is None or first < 0 else min(first, last))
+        return min(max(0, first + last if first < 0 else first), last)
+    return None
+
+
+def _either(one: int | None, other: int | None) -> int | None:
+    """What is known of a value that is one of two."""
+    if one is None or other is None or (one == other and type(one) is type(other)):
+        return one if one == other else None
+    return AtMost(max(one, other))
 
 
 def _passes(loop: re.Match[str], known: Mapping[str, int]) -> tuple[int, bool]:
@@ -199,6 +237,7 @@ def _passes(loop: re.Match[str], known: Mapping[str, int]) -> tuple[int, bool]:
     # A loop that begins at a variable has at most the passes of one that begins at 0.
     if last is None:
         return 1, True
+    first = None if isinstance(first, AtMost) else first
     return max(0, -(-(last - (first or 0)) // int(loop[4] or 1))), False
 
 

@@ -25,10 +25,8 @@ def operations(layout: Layout) -> dict[str, Operations]:
     found: dict[str, Operations] = {}
     for call in layout.selection.calls:
         text = layout.units.blocks[call.block]
-        pairs = zip(text.words, text.values, strict=True)
-        entries = {word: int(value) for (word, kind), value in pairs if kind == "int64_t"}
         name = f"{text.prefix}__{call.method}"
-        found.setdefault(call.block, Operations()).add(count.of(name, entries))
+        found.setdefault(call.block, Operations()).add(count.of(name, text.integers))
     return found
 
 
@@ -80,9 +78,7 @@ def report(
     lines += ["Memory"]
     if native is not None:
         lines.append(f"  struct {name}: {native.size} bytes, the arena included")
-        lines.append(
-            f"  arena: {8 * layout.arena_words} bytes, {native.arena} used in the recorded run"
-        )
+        lines += _arena(layout, native)
     if sizes is not None:
         what = "Cortex-M4 (arm-none-eabi-gcc -O2)"
         lines.append(f"  {what}: {sizes['text']} bytes of code and constants,")
@@ -103,6 +99,19 @@ def report(
     return "\n".join([*lines, *warnings(layout, replay)]) + "\n"
 
 
+def _arena(layout: Layout, native: Native) -> list[str]:
+    """The memory for local arrays: the worst case, or that there is no bound."""
+    size = f"  arena: {8 * layout.arena_words} bytes"
+    if not layout.units.open:
+        return [f"{size}, the worst case of any step, whatever the data"]
+    owners = _listed(sorted(layout.units.open), "and")
+    return [
+        f"{size}, {native.arena} used in the recorded run; the worst case is not known,",
+        f"    since data decide how much memory {owners} takes: a step that needs more",
+        "    is a failure, and leaves the outputs as they are",
+    ]
+
+
 def _difference(replay: Replay, port: Port, apart: float, float32: bool) -> str:
     """A difference from the graph; of float32 with its share of the signal's range."""
     if not float32:
@@ -120,9 +129,9 @@ def warnings(layout: Layout, replay: Replay) -> list[str]:
     return [f"  warning: {what} in the recording, which shows little; record more with --ticks"]
 
 
-def _listed(numbers: Sequence[int]) -> str:
-    texts = list(map(str, numbers))
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} or {texts[-1]}"
+def _listed(items: Sequence[object], word: str = "or") -> str:
+    texts = list(map(str, items))
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} {word} {texts[-1]}"
 
 
 def _operations(layout: Layout) -> list[str]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -38,20 +39,26 @@ class BlockText:
     values: tuple[Any, ...]
     owned: tuple[bool, ...]
 
+    @property
+    def integers(self) -> dict[str, int]:
+        """The integers among the values, which nothing changes."""
+        pairs = zip(self.words, self.values, strict=True)
+        return {word: int(value) for (word, kind), value in pairs if kind == "int64_t"}
+
 
 @dataclass
 class Units:
     """The text of all blocks, and each block's part in it.
 
     reserved : bytes that the local arrays of one call take at most, of those of known size.
-    open : whether the sizes or the number of some local arrays depend on data.
+    open : the owners of local arrays whose size or number has no bound that the text tells.
     """
 
     text: str = ""
     blocks: dict[str, BlockText] = field(default_factory=dict)
     kernels: dict[str, Kernel] = field(default_factory=dict)
     reserved: int = 0
-    open: bool = False
+    open: set[str] = field(default_factory=set)
 
 
 def write_units(selection: Selection, states: Mapping[str, BlockState], controller: str) -> Units:
@@ -89,14 +96,14 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
         enclosed = units.kernels[name] = kernel.enclosed(known[key])
         if is_new:
             texts.append(enclosed.text)
-            measure(units, enclosed.text, enclosed.symbols.values())
         words, failures = _words(kernel.text), tuple(map(_failure_text, kernel.failures))
         owned = _owned(kernel, values)
         values = tuple(
             bits_of(value, name).copy() if isinstance(value, np.random.Generator) else value
             for value in values
         )
-        units.blocks[name] = BlockText(known[key], failures, words, values, owned)
+        block = units.blocks[name] = BlockText(known[key], failures, words, values, owned)
+        measure(units, name, enclosed.text, enclosed.symbols.values(), block.integers)
     if problems:
         raise GraphError(problems)
     units.text = "\n".join(texts)
@@ -133,13 +140,19 @@ def _failure_text(failure: tuple[str, str, str, int]) -> str:
     return f"{message} ({Path(file).name}:{line})" if file else message
 
 
-def measure(units: Units, text: str, names: Iterable[str]) -> None:
-    """What the local arrays of functions need."""
+def measure(
+    units: Units,
+    owner: str,
+    text: str,
+    names: Iterable[str],
+    integers: Mapping[str, int] = MappingProxyType({}),
+) -> None:
+    """What the local arrays of functions need, given the integers of their block."""
     count = counter(text)
     for name in names:
-        found = count.of(name)
+        found = count.of(name, integers)
         units.reserved = max(units.reserved, found.reserved)
-        units.open |= found.is_open
+        units.open |= {owner} if found.is_open else set()
 
 
 def _snake(name: str) -> str:

@@ -51,3 +51,41 @@ def test_a_loop_of_unknown_length_is_one_pass() -> None:
 def test_a_function_that_calls_itself_is_counted_once() -> None:
     text = re.sub(r"while \\(more\\)", "while (step(ctx, self, a))", PRODUCT)
     assert counter(text).of("step", {"size": 4}).arithmetic == 56
+
+
+FOUND = """
+static struct pair found(struct context *ctx, const int64_t *marks, int64_t marks_n0)
+{
+    int64_t count_1_ = 0;
+    int64_t *const array_1_ = take(ctx, 8 * marks_n0, 2);
+    for (int64_t i_1_ = 0; i_1_ < marks_n0; i_1_++) {
+        const bool marked_1_ = marks[i_1_] != 0;
+        array_1_[count_1_] = i_1_;
+        count_1_ += marked_1_;
+    }
+    const int64_t found_1_ = count_1_;
+    return (struct pair){array_1_, found_1_};
+}
+static double step(struct context *ctx, const struct entries *self, const int64_t *marks)
+{
+    const int64_t size = self->size;
+    const struct pair few_1_ = found(ctx, marks, size);
+    const int64_t few_n0 = few_1_.v1;
+    const int64_t at_1_ = clamped(few_n0 - 2, few_n0);
+    const int64_t left_1_ = not_negative(size - at_1_);
+    double *const array_2_ = take(ctx, 8 * few_n0, 3);
+    double *const array_3_ = take(ctx, 8 * left_1_, 3);
+    for (int64_t j = 0; j < few_n0; j++) {
+        array_2_[j] = 2.0 * marks[j];
+    }
+    return total;
+}
+"""
+
+
+def test_what_depends_on_data_is_bounded_by_what_it_is_found_in() -> None:
+    found = counter(FOUND).of("step", {"size": 5})
+    assert (found.is_open, found.open_loops) == (False, 0)
+    # The places, what is computed of them, and what is left beside none of them.
+    assert found.reserved == 3 * 5 * 8
+    assert counter(FOUND).of("step").is_open
