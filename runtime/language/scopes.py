@@ -48,12 +48,17 @@ def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
 
 
 def entry_of(model: Model, scope: Scope | None, name: str) -> NetworkEntry | None:
-    """A block of the network by its name in a scope; removed ones, too."""
+    """A block of the network by its name in a scope; removed ones, too. What all copies of a
+    repeated part have is the first copy's."""
     network = model.network
     if network is None or scope is None:
         return None
     full = scope.prefix + name
-    return network.entries.get(full) or network.removed_entries.get(full)
+    found = network.entries.get(full) or network.removed_entries.get(full)
+    if found is not None or "." not in name:
+        return found
+    entries = (*network.entries.values(), *network.removed_entries.values())
+    return next((entry for entry in entries if entry.plain_name == full), None)
 
 
 def class_of(model: Model, scope: Scope | None, name: str) -> type[Block] | None:

@@ -201,7 +201,7 @@ def _of_kind(
 def _removable(model: Model, scope: Scope | None, section: str) -> Iterator[Offer]:
     if scope is None:
         return
-    for name in scope.names():
+    for name in scope.all_names():
         cls = class_of(model, scope, name)
         through = cls.spec.through if cls is not None else None
         if section == "without":

@@ -131,7 +131,7 @@ def _open_part(
         return _part(one, inside, own, address, problems, work)
 
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
-    scope.params = above.params
+    scope.params, scope.holds_copies = above.params, True
     return repeat_part(entry, scope, problems, copy)
 
 

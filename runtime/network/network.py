@@ -74,6 +74,15 @@ class NetworkEntry:
         return self.name.removeprefix(self.scope.prefix)
 
     @property
+    def plain_name(self) -> str:
+        """The name without the copies that it leads through: ``robots.snn`` in each robot."""
+        return self.scope.plain_prefix + self.short
+
+    def is_named(self, name: str) -> bool:
+        """Whether a name stands for the block: its own, that of a part, or of all copies."""
+        return any(f"{each}.".startswith(f"{name}.") for each in (self.name, self.plain_name))
+
+    @property
     def address(self) -> str:
         return self.scope.path_of(self.short)
 

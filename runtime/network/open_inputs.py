@@ -41,6 +41,11 @@ class _Open:
     def at(self) -> tuple[str, str]:
         return self.scope.prefix + self.consumer, self.port
 
+    @property
+    def name(self) -> str:
+        """What a message calls it: one that all copies of a part have is open once."""
+        return f"{self.scope.plain_prefix}{self.consumer}.{self.port}"
+
 
 def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> None:
     """Report every open input, after removal and type inference."""
@@ -52,9 +57,7 @@ def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> 
         elif open_input.at not in wiring.connected and "wires" not in open_input.scope.unread:
             wires = open_input.scope.wires.get(open_input.consumer)
             why = wiring.open_for.get(open_input.at)
-            message = (
-                f"input '{'.'.join(open_input.at)}'{_type_text(open_input.kind)} is not connected"
-            )
+            message = f"input '{open_input.name}'{_type_text(open_input.kind)} is not connected"
             message += (f", since {why}" if why else "") + _suggestion(network, open_input)
             where = open_input.where if wires is None else wires.key
             problems.add(where, open_input.address if where == NOWHERE else "", message)
@@ -98,10 +101,11 @@ def _of_parts(network: Network) -> Iterator[_Open]:
 
 def _report_removed(network: Network, open_input: _Open, wire: Wire, problems: Problems) -> None:
     block = missing_block(network, wire.source)
-    message = (
-        f"input '{wire.target}'{_type_text(open_input.kind)} is not connected without '{block}'"
-    )
-    entry = network.removed_entries.get(block)
+    removed = network.removed_entries.values()
+    is_of_copy = any(each.name != each.plain_name and each.name == block for each in removed)
+    target = wire.target if is_of_copy else open_input.name
+    message = f"input '{target}'{_type_text(open_input.kind)} is not connected without '{block}'"
+    entry = next((each for each in removed if block in (each.name, each.plain_name)), None)
     if entry is not None and entry.cls.spec.through is not None:
         message += f"; 'bypass: [{block}]' would connect through it"
     problems.add(wire.where, wire.address, message + _suggestion(network, open_input))

@@ -4,6 +4,8 @@ In: a network with all of its wires. Out: one without the named blocks, which it
 
     lqr.command -> limit -> plant.command       bypass: [limit]   ->   lqr.command -> plant.command
                                                 without: [limit]  ->   plant.command is open
+
+A name in a repeated part stands for all copies: ``robots.snn`` for ``robots.copy_0.snn`` and so on.
 """
 
 from __future__ import annotations
@@ -13,9 +15,10 @@ from dataclasses import replace
 
 from blocks.core import hint
 from runtime.document import Node, strings
-from runtime.errors import Problems
+from runtime.errors import NOWHERE, Problems
 from runtime.network.addresses import Endpoint, within
-from runtime.network.network import Network, Wire
+from runtime.network.network import Network, NetworkEntry, Wire
+from runtime.network.repetition import GATHERED
 
 
 def remove(network: Network, problems: Problems) -> Network:
@@ -31,13 +34,14 @@ def remove(network: Network, problems: Problems) -> Network:
     for node, address in bypassed:
         for name in _blocks_named(network, node, address, problems):
             wire = _bypass_wire(network, removed, name, node.value)
-            # The reason why there is no such wire.
+            # The reason why there is no such wire, which copies have in common.
             if isinstance(wire, str):
                 problems.add(node.where, address, wire)
-            else:
-                removed[name] = "bypass"
-                sources[f"{name}.{_output(network, name)}"] = wire.source
+                break
+            removed[name] = "bypass"
+            sources[f"{name}.{_output(network, name)}"] = wire.source
     network = replace(network, removed=removed, removed_by=removed_by, bypass_sources=sources)
+    _remove_gathered(network, removed, removed_by, problems)
     for node, address in bypassed:
         # Once all are known: a circle needs every block of it to be bypassed.
         _check_circle(network, node, address, problems)
@@ -47,6 +51,38 @@ def remove(network: Network, problems: Problems) -> Network:
         where = document.where if lists is None else lists.where
         problems.add(where, "without", "nothing is left of the graph; keep a block")
     return _rewire(network)
+
+
+def _remove_gathered(
+    network: Network, removed: dict[str, str], removed_by: dict[str, str], problems: Problems
+) -> None:
+    """Remove the blocks that gather an output of copies of which none is left.
+
+    One of which some are left has no meaning: values of other copies would move to their places.
+    """
+    gathering = [name for name, entry in network.entries.items() if entry.scope.holds_copies]
+    # Those of inner parts have longer names, and outer ones gather what they give.
+    for name in sorted(gathering, key=len, reverse=True):
+        sources = [wire.source for wire in network.into.get(name, ())]
+        gone = [source for source in sources if follow(network, source) is None]
+        if not gone or name in removed:
+            continue
+        block = missing_block(network, gone[0])
+        if len(gone) == len(sources):
+            removed[name] = "without"
+            removed_by[name] = block
+            continue
+        entry = network.entries[name]
+        message = f"without '{block}', '{_gathered(entry)}' lacks the values of {len(gone)} of its "
+        message += f"{len(sources)} copies, and those of others would move to their places; name "
+        message += f"what all copies have, as '{network.entries[gone[0].block].plain_name}'"
+        problems.add(entry.node.key, entry.scope.address, message)
+        problems.silence(NOWHERE, f"{entry.address}.inputs")
+
+
+def _gathered(entry: NetworkEntry) -> str:
+    """The output of a repeated part that a block gathers."""
+    return entry.plain_name.replace(GATHERED, "")
 
 
 def _names_under(network: Network, name: str, problems: Problems) -> list[tuple[Node, str]]:
@@ -120,11 +156,12 @@ def _output(network: Network, name: str) -> str:
 def _blocks_named(network: Network, node: Node, address: str, problems: Problems) -> list[str]:
     """The blocks that a name stands for: one, or all of a part."""
     name = node.value
-    inside = [full for full in network.entries if full == name or full.startswith(f"{name}.")]
+    inside = [full for full, entry in network.entries.items() if entry.is_named(name)]
     inputs = {port: f"inputs.{port}" for port in network.scope.inputs}
     known = [*network.scope.all_names(), *inputs.values()]
     if not inside and name not in known and name not in network.scope.broken:
-        suggestion = hint(name, known, inputs) or f"; blocks: {', '.join(known)}"
+        near = hint(name, known, inputs) or hint(name, network.entries)
+        suggestion = near or f"; blocks: {', '.join(known)}"
         problems.add(node.where, address, f"there is no block '{name}'{suggestion}", True)
     return inside
 
@@ -135,35 +172,45 @@ def _bypass_wire(
     """The wire that takes the place of a block, or why the block cannot be bypassed."""
     entry = network.entries[name]
     pair = entry.cls.spec.through
-    if name != written:
+    said = written if written == entry.plain_name else name
+    if written not in (name, entry.plain_name):
         return f"'{written}' is a part; only a block with a pass-through can be bypassed"
     if removed.get(name) == "without":
-        return f"'{name}' is in 'without' as well; keep one of the two"
+        return f"'{said}' is in 'without' as well; keep one of the two"
     if pair is None:
-        message = f"'{name}' ({entry.cls.__name__}) has no pass-through; "
+        message = f"'{said}' ({entry.cls.__name__}) has no pass-through; "
         readers = [wire for wire in network.wires if wire.source.block == name]
         ports = [network.entries[wire.block].cls.spec.inputs[wire.port] for wire in readers]
         needed = [
-            wire.target
+            _target(network.entries[wire.block], wire)
             for wire, port in zip(readers, ports, strict=True)
             if port.spread or not port.optional
         ]
         if not needed:
-            return f"{message}'without: [{name}]' removes it"
+            return f"{message}'without: [{said}]' removes it"
         return (
             f"{message}to leave it out, wire another signal to {' and '.join(needed)}, then "
-            f"write 'without: [{name}]'"
+            f"write 'without: [{said}]'"
         )
     for wire in network.wires:
         if (wire.block, wire.port) == (name, pair[0]):
             return wire
-    return f"nothing is wired to '{name}.{pair[0]}', so there is nothing to connect directly"
+    return f"nothing is wired to '{said}.{pair[0]}', so there is nothing to connect directly"
+
+
+def _target(entry: NetworkEntry, wire: Wire) -> str:
+    """What a wire leads to; past a block that only gathers the values of copies."""
+    return f"what reads '{_gathered(entry)}'" if entry.scope.holds_copies else wire.target
 
 
 def _check_circle(network: Network, node: Node, address: str, problems: Problems) -> None:
     """Report a bypassed block whose signal would come from bypassed blocks alone."""
-    end = Endpoint(node.value, _output(network, node.value))
-    *_, last = _chain(network, end)
-    if network.removed.get(last.block) == "bypass" and end.port:
-        message = f"bypassing '{node.value}' would close a circle of wires; keep a block of it"
-        problems.add(node.where, address, message)
+    for name, entry in network.entries.items():
+        if node.value not in (name, entry.plain_name):
+            continue
+        end = Endpoint(name, _output(network, name))
+        *_, last = _chain(network, end)
+        if network.removed.get(last.block) == "bypass" and end.port:
+            message = f"bypassing '{node.value}' would close a circle of wires; keep a block of it"
+            problems.add(node.where, address, message)
+            return

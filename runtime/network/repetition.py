@@ -18,6 +18,7 @@ from runtime.document import INDEX, MAX_BLOCKS, Node, strings, uses_index
 from runtime.errors import Problems
 from runtime.network.scope import Scope
 
+GATHERED = "gathered_"  # before the name of an output: the block that joins the copies' values
 OpenPart = Callable[[Node, Scope, str], Scope]
 
 
@@ -60,7 +61,7 @@ def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPa
     for i, wire in enumerate(wires):
         scope.wires[copy_name(i)] = _at(entry, wire)
     for port, node in first.outputs.items():
-        gather = f"gathered_{port}"
+        gather = f"{GATHERED}{port}"
         terms = [_at(entry, f"{copy_name(i)}.{port}") for i in range(count)]
         scope.blocks[gather] = _at(entry, {"type": _at(entry, "Concatenate")})
         scope.wires[gather] = _at(entry, {"inputs": _at(entry, terms)})

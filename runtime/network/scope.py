@@ -24,7 +24,8 @@ class Scope:
     scope's in the document. ``broken`` names blocks that cannot be read, ``unread`` such
     sections: they are reported once, and addresses that lead there are not. ``seed`` is that of
     its blocks, in place of the run's. ``params`` are the names of those of the graph and of the
-    graphs around it.
+    graphs around it. ``holds_copies`` tells whether it is what stands around the copies of a
+    repeated part: these, and the blocks that gather their outputs.
     """
 
     prefix: str
@@ -40,6 +41,7 @@ class Scope:
     where: Where = field(default_factory=Where)
     seed: int | None = None
     params: frozenset[str] = frozenset()
+    holds_copies: bool = False
     broken: set[str] = field(default_factory=set)
     unread: set[str] = field(default_factory=set)
 
@@ -56,9 +58,18 @@ class Scope:
         for part in self.parts.values():
             yield from part.walk()
 
+    @property
+    def plain_prefix(self) -> str:
+        """The prefix without the copies that it leads through: ``robots.`` in each robot."""
+        if self.parent is None or self.parent.holds_copies:
+            return self.prefix if self.parent is None else self.parent.plain_prefix
+        return f"{self.parent.plain_prefix}{self.name}."
+
     def all_names(self) -> list[str]:
-        """Full names of all blocks and parts."""
-        return [s.prefix + name for s in self.walk() for name in s.names()]
+        """Full names of all blocks and parts; those in a repeated part stand for all copies."""
+        scopes = (scope for scope in self.walk() if not scope.holds_copies)
+        names = (scope.plain_prefix + name for scope in scopes for name in scope.names())
+        return list(dict.fromkeys(names))
 
     def path(self, section: str, name: str) -> str:
         """The document address of an entry: ``blocks.adaptive.wires.snn_v``."""

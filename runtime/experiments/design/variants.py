@@ -102,11 +102,11 @@ def removals(graph: Graph) -> tuple[list[GraphVariant], dict[str, str]]:
     -------
     The variants, and for each essential block the error that its removal causes.
     """
-    removed = graph.network.removed
+    removed = graph.network.removed_entries.values()
     variants: list[GraphVariant] = []
     essential: dict[str, str] = {}
     for name in graph.network.scope.all_names():
-        if any(other == name or other.startswith(f"{name}.") for other in removed):
+        if any(other.is_named(name) for other in removed):
             continue
         reason = ""
         # Bypassed if that is possible: a loop stays closed, and the block's own effect is measured,

@@ -11,7 +11,7 @@ from blocks.neural.decoder_solvers import DecoderSolver
 from blocks.neural.neurons import NeuronModel
 from blocks.registry import BUILTIN
 from runtime.document import RUN_KEYS, SECTIONS, parse_yaml
-from runtime.language import complete
+from runtime.language import complete, hover
 from runtime.language.settings import forms_of
 from runtime.observation import METRIC_KINDS, PLOT_KINDS
 from tests.runtime.language.texts import CASE_C, GRAPHS, edited, labels, marked, offered
@@ -207,6 +207,30 @@ def test_experiments() -> None:
     assert {"seeds", "vary", "minimize"} <= set(labels(model, offset))
     model, offset = edited("replace: {lqr: PathPID}", "replace: {lqr: ¦}", path)
     assert "PurePursuit" in labels(model, offset)
+
+
+REPEATED = """
+blocks:
+  in: {type: Constant, value: [1, 2]}
+  p:
+    repeat: 2
+    inputs: {x: Scalar}
+    outputs: {y: g.out}
+    blocks: {g: {type: Gain, gain: 2}}
+    wires: {g: {input: inputs.x}}
+wires: {p: {x: in.value}}
+"""
+
+
+def test_what_all_copies_have_can_be_left_out() -> None:
+    model, offset = marked(f"without: [¦]\n{REPEATED}")
+    found = labels(model, offset)
+    assert {"in", "p", "p.g"} <= set(found) and not any("copy_" in label for label in found)
+    model, offset = marked(f"bypass: [¦]\n{REPEATED}")
+    assert set(labels(model, offset)) == {"p.g"}
+    model, offset = marked(f"without: [p¦.g]\n{REPEATED}")
+    card = hover(model, offset)
+    assert card is not None and "Gain" in card.markdown
 
 
 @pytest.mark.parametrize("text", ["¦", "gr¦", "blocks:\n  a: {type: ¦", "wires: {¦", "x: ¦\n  - {"])

@@ -233,3 +233,156 @@ probes: {{y: parts.y}}
     calls(5)  # imports, and what is computed once
     few, many = calls(50), calls(200)
     assert many < 4.4 * few
+
+
+INNER = """
+graph: inner
+run: {{dt: 0.01, until: 0.3, seed: 1}}
+blocks:
+  in: {{type: Function, expression: ["2*t + 1", "-t", "9*t"]}}
+  after: {{type: {after}}}
+  p:
+    {repeat}
+    inputs: {{x: Scalar}}
+    outputs: {{y: {output}}}
+    blocks:
+      g: {{type: Gain, gain: 2.0}}
+      lim: {{type: Clip, low: -1, high: 1}}
+      slow: {{type: Lowpass, tau: 0.1}}
+      sum: {{type: Sum}}
+    wires:
+      g: {{input: inputs.x}}
+      lim: {{input: g.out}}
+      slow: {{input: lim.out}}
+      sum: {{terms: [inputs.x, slow.out]}}
+wires: {{p: {{x: {x}}}, after: {{{into}}}}}
+probes: {{y: after.out}}
+metrics: {{last: {{kind: max_abs, of: y, length: true}}}}
+"""
+
+
+def inner(
+    tmp_path: Path, copies: int = 3, output: str = "sum.out", required: bool = False
+) -> runtime.Graph:
+    """A part of which one block can be left out, repeated; after it a Sum, or a Gain."""
+    path = tmp_path / f"inner{copies}.yaml"
+    after, into = ("Gain, gain: 1.0", "input: p.y") if required else ("Sum", "terms: [p.y, in.out]")
+    repeat, x = (f"repeat: {copies}", "in.out") if copies > 1 else ("", "in.out.0")
+    into = into if copies > 1 else into.replace("in.out", "in.out.0")
+    path.write_text(
+        INNER.format(**{"after": after, "into": into, "repeat": repeat}, x=x, output=output)
+    )
+    return runtime.load(path)
+
+
+def change(graph: runtime.Graph, how: str, name: str) -> runtime.Graph:
+    changed: runtime.Graph = getattr(graph, how)(name)
+    return changed
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("how", ["without", "bypass"])
+@pytest.mark.parametrize("name", ["slow", "lim"])
+def test_a_name_inside_stands_for_all_copies(
+    tmp_path: Path, how: str, name: str, engine: str
+) -> None:
+    graph = inner(tmp_path)
+    if (how, name) == ("without", "lim"):
+        graph = graph.without("p.slow")
+    of_all = change(graph, how, f"p.{name}")
+    assert [n for n in of_all.network.removed if n.endswith(name)] == [
+        f"p.copy_{i}.{name}" for i in range(3)
+    ]
+    one_by_one = graph
+    for i in range(3):
+        one_by_one = change(one_by_one, how, f"p.copy_{i}.{name}")
+    found, expected = (each.run(engine=engine)["y"] for each in (of_all, one_by_one))
+    np.testing.assert_array_equal(found, expected)
+    # The first copy is what the part is without being repeated.
+    alone = inner(tmp_path, copies=1)
+    alone = alone.without("p.slow") if (how, name) == ("without", "lim") else alone
+    plain = change(alone, how, f"p.{name}").run(engine=engine)["y"]
+    np.testing.assert_array_equal(found[:, 0], plain.ravel())
+    assert not np.array_equal(found, inner(tmp_path).run(engine=engine)["y"])
+
+
+def test_an_output_that_all_copies_lose_is_that_of_a_removed_block(tmp_path: Path) -> None:
+    graph = inner(tmp_path, output="slow.out")
+    found = graph.without("p.slow").run()
+    np.testing.assert_allclose(found["y"][-1], [1.58, -0.29, 2.61])
+    with pytest.raises(GraphError) as error:
+        inner(tmp_path, output="slow.out", required=True).without("p.slow").check()
+    (problem,) = error.value.problems
+    assert problem.address == "wires.after.input"
+    assert "'after.input' is not connected without 'p.slow'; 'bypass: [p.slow]'" in problem.text
+
+
+@pytest.mark.parametrize(
+    ("how", "name", "part"),
+    [
+        ("without", "p.copy_1.slow", "'p.y' lacks the values of 1 of its 3 copies"),
+        ("without", "p.g", "input 'p.lim.input' (Scalar) is not connected without 'p.g'"),
+        (
+            "without",
+            "p.copy_2.g",
+            "'p.copy_2.lim.input' (Scalar) is not connected without 'p.copy_2.g'",
+        ),
+        ("without", "p.slwo", "there is no block 'p.slwo', did you mean 'p.slow'?"),
+        ("bypass", "p.sum", "'p.sum' (Sum) has no pass-through"),
+        ("bypass", "p", "'p' is a part"),
+    ],
+)
+def test_what_copies_cannot_lose_is_one_error(
+    tmp_path: Path, how: str, name: str, part: str
+) -> None:
+    with pytest.raises(GraphError) as error:
+        change(inner(tmp_path, output="slow.out"), how, name).check()
+    (problem,) = error.value.problems
+    assert part in problem.text
+
+
+def test_a_block_of_nested_copies(tmp_path: Path) -> None:
+    path = tmp_path / "nested.yaml"
+    path.write_text("""
+graph: nested
+run: {dt: 0.1, until: 0.1}
+blocks:
+  in: {type: Constant, value: [1, 2, 3, 4]}
+  outer:
+    repeat: 2
+    inputs: {x: Vector(2)}
+    outputs: {y: inner.y}
+    blocks:
+      inner:
+        repeat: 2
+        inputs: {x: Scalar}
+        outputs: {y: twice.out}
+        blocks: {twice: {type: Gain, gain: 2}}
+        wires: {twice: {input: inputs.x}}
+    wires: {inner: {x: inputs.x}}
+  all: {type: Sum}
+wires: {outer: {x: in.value}, all: {terms: [outer.y, in.value]}}
+probes: {y: all.out}
+""")
+    graph = runtime.load(path)
+    for changed, expected in (
+        (graph, [3, 6, 9, 12]),
+        (graph.bypass("outer.inner.twice"), [2, 4, 6, 8]),
+        (graph.bypass("outer.copy_1.inner.copy_0.twice"), [3, 6, 6, 12]),
+        (graph.without("outer.inner.twice"), [1, 2, 3, 4]),
+        (graph.without("outer.inner"), [1, 2, 3, 4]),
+    ):
+        np.testing.assert_array_equal(changed.run()["y"][-1], expected)
+
+
+def test_an_ablation_and_a_session_take_the_copies_together(tmp_path: Path, cli: Run) -> None:
+    graph = inner(tmp_path)
+    done = cli("ablate", "inner3.yaml", "--seeds", "0", "-q", "-j", "1", "--no-plots")
+    rows = [line.split() for line in done.stdout.splitlines()]
+    names = [" ".join(row[:2]) for row in rows]
+    assert "bypass p.lim" in names and not any("copy_" in name for name in names)
+    session = graph.session()
+    session.run(0.1)
+    session.without("p.slow")
+    session.run(0.1)
+    np.testing.assert_allclose(session.read("p.y"), session.read("in.out"))
