@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from runtime import terminal
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
-from runtime.experiments.analysis import NEVER
+from runtime.experiments.analysis import NEVER, SAME, lost
 from runtime.files import read_text, slug
 from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
@@ -69,8 +69,10 @@ def mean(
     never : what it means if every value is infinite.
     """
     n = estimate["n"]
-    if not n and estimate.get("never") and not signed:
-        return element("span", f"{never}, 0 of {runs}", class_="bad")
+    word = lost(estimate.get("never", 0), estimate.get("failed", 0), never)
+    if not n and word and not signed:
+        share = f" ({SAME})" if estimate.get("identical") else f", 0 of {runs}"
+        return element("span", word + share, class_="bad")
     shown = number(estimate["mean"], signed=signed)
     if estimate.get("identical") or not 0 < n < runs:
         return shown

@@ -14,8 +14,15 @@ from runtime.experiments.analysis.comparison_text import (
     legend,
 )
 from runtime.experiments.analysis.crossed import Contestant, crossed_difference
-from runtime.experiments.analysis.groups import Tally, TrialGroup, gather, is_same
-from runtime.experiments.analysis.samples import failed_value, mean_value, samples_of
+from runtime.experiments.analysis.groups import (
+    Tally,
+    TrialGroup,
+    failed_value,
+    gather,
+    is_same,
+    mean_value,
+)
+from runtime.experiments.analysis.samples import samples_of
 from runtime.experiments.analysis.statistics import (
     ANY,
     CONFIDENCE,
@@ -44,6 +51,7 @@ from runtime.experiments.analysis.words import (
     UNRANKED,
     apart,
     interval,
+    lost,
     mean_of,
     too_few,
 )

@@ -21,19 +21,21 @@ from matplotlib.lines import Line2D
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.analysis.figures import MARK, NARROW, WIDTH
+from runtime.experiments.analysis.groups import sample_of
 from runtime.experiments.analysis.statistics import is_significant
-from runtime.experiments.analysis.words import NEVER, SAME, SAME_RUNS, TOO_FEW, too_few
-from runtime.experiments.design import BASELINE
-from runtime.experiments.execution import (
-    INDEX,
-    RUNS,
-    TABLE,
-    TRAJECTORY_PLOTS,
-    VARIANT,
-    Columns,
-    Row,
-    read_rows,
+from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
+from runtime.experiments.analysis.words import (
+    FAILED,
+    NEVER,
+    SAME,
+    SAME_RUNS,
+    TOO_FEW,
+    each_mean,
+    lost,
+    too_few,
 )
+from runtime.experiments.design import BASELINE
+from runtime.experiments.execution import RUNS, TABLE, TRAJECTORY_PLOTS, Row
 from runtime.observation import Recording, RunData
 from runtime.plots import (
     COLOURS,
@@ -71,7 +73,7 @@ def ablation_figure(folder: Path, look: str = "screen") -> Figure:
     ------
     UsageError : its files cannot be read.
     """
-    facts = read_facts(folder)
+    facts, data = read_facts(folder), read_sweep(folder, math.inf)
     trajectories = list(_trajectories(folder, facts["variants"]))
     width = LOOKS[look].width or WIDTH
     columns = COLUMNS if width > NARROW else 1
@@ -80,22 +82,28 @@ def ablation_figure(folder: Path, look: str = "screen") -> Figure:
     below = _plane_height(trajectories, width)
     with styled(look):
         figure = Figure(figsize=(width, above + below + 0.4), layout="constrained")
-        headline(figure, facts["experiment"], _caption(facts), look)
+        headline(figure, facts["experiment"], _caption(facts, data), look)
         if trajectories:
             top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
-            _metrics(top, folder, facts, (rows, columns))
+            _metrics(top, data, facts, (rows, columns))
             _plane(bottom, trajectories, f"Trajectories with seed {facts['seeds'][0]}")
         else:
-            _metrics(figure, folder, facts, (rows, columns))
+            _metrics(figure, data, facts, (rows, columns))
     return figure
 
 
-def _caption(facts: dict[str, Any]) -> str:
+def _caption(facts: dict[str, Any], data: SweepData) -> str:
     """What the marks of an ablation's figure mean."""
     table = overall(facts)
     if all(line.get("identical") for line in table if line["recorded"]):
         return f"{SAME}: {SAME_RUNS}"
-    sentences = [f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"]
+    unit = "setting" if data.is_sampled else "seed"
+    settings = len(data.groups) // max(1, len(facts["variants"]))
+    others = (data.seeds, "seed") if data.is_sampled else (settings, "setting")
+    sentences = [
+        f"{settings if data.is_sampled else data.seeds} {unit}s: mean and 95 % interval; a dot: "
+        f"one {unit}{each_mean(*others)}; pairs: with the baseline on the same {unit}"
+    ]
     verdicts = {(line["difference"] or {}).get("verdict") for line in table}
     hollow = "hollow: no significant difference to the baseline"
     sentences.append(hollow + f", or {too_few()}" * (TOO_FEW in verdicts))
@@ -132,16 +140,15 @@ def overall(facts: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _metrics(
-    figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], shape: tuple[int, int]
+    figure: Figure | SubFigure, data: SweepData, facts: dict[str, Any], shape: tuple[int, int]
 ) -> None:
-    """One axes per metric, with a dot for each seed."""
+    """One axes per metric, with a dot for each observation of its estimate."""
     names = [variant["name"] for variant in facts["variants"]]
-    rows: dict[str, list[Row]] = {name: [] for name in names}
-    factors = (VARIANT, *facts.get("factors", ()))
-    for row in read_rows(folder / INDEX, Columns(factors, tuple(facts["metrics"]))):
-        rows[row.cells[0]].append(row)
+    rows: dict[str, list[Sequence[Row]]] = {name: [] for name in names}
+    for group in data.groups:
+        rows[group.cells[0]].append(group.rows)
     dots = {
-        metric: [[row.metrics[i] for row in rows[name]] for name in names]
+        metric: [sample_of(rows[name], i, is_sampled=data.is_sampled).values for name in names]
         for i, metric in enumerate(facts["metrics"])
     }
     draw_intervals(figure, facts, overall(facts), names, dots, shape)
@@ -182,7 +189,7 @@ def _metric(
     never: str,
 ) -> None:
     if all(line["mean"] is None for line in lines):
-        if not any(line.get("never") for line in lines):
+        if not any(_lost(line, never) for line in lines):
             explain_empty(axes, "no run has a value")
             return
         axes.set_xticks([])
@@ -191,14 +198,14 @@ def _metric(
         axes.axvline(lines[0]["mean"], **look, zorder=1.0)
     for y, (line, own) in enumerate(zip(lines, values, strict=True)):
         finite = [value for value in own if value is not None and math.isfinite(value)]
-        if line.get("never"):
-            _never(axes, y, line, never)
+        if _lost(line, never):
+            _mark_lost(axes, y, line, never)
         if line.get("identical"):
             finite = finite[:1]
         # Below the interval, which would hide them.
         axes.plot(finite, [y + SEEDS_BELOW] * len(finite), ".", color="0.55", markersize=3.0)
         if not finite or line["mean"] is None:
-            if not line.get("never"):
+            if not _lost(line, never):
                 message = "no value" if line["recorded"] else "removed"
                 axes.annotate(message, (0.02, y), **SMALL, color=GREY)
             continue
@@ -209,10 +216,19 @@ def _metric(
             axes.annotate(message, (line["mean"], y), **at, fontsize=7.0, color=GREY)
 
 
-def _never(axes: Axes, y: int, line: dict[str, Any], never: str) -> None:
-    """Mark runs whose value is infinite beyond the large end of the axis, which is the bad one."""
-    message = f"{line['never']} {never}" if line["n"] else f"{never}, 0 of {line['runs']}"
-    message = f"{never} ({SAME})" if line.get("identical") else message
+def _lost(line: dict[str, Any], never: str) -> str:
+    """What became of the runs without a finite value: they failed, or never settled."""
+    return lost(line.get("never", 0), line.get("failed", 0), never)
+
+
+def _mark_lost(axes: Axes, y: int, line: dict[str, Any], never: str) -> None:
+    """Mark runs without a finite value at the large end of the axis, mostly the bad one."""
+    word = _lost(line, never)
+    message = f"{word}, 0 of {line['runs']}"
+    if line["n"]:
+        counts = {FAILED: line.get("failed", 0), never: line.get("never", 0)}
+        message = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    message = f"{word} ({SAME})" if line.get("identical") else message
     look: dict[str, Any] = {"color": MARK, "ha": "right"}
     look["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
     axes.annotate(f"{message} ▸", (0.99, y), **SMALL, **look)

@@ -129,10 +129,10 @@ class ComparisonLine:
             "metric": self.metric,
             "setting": self.setting,
             "primary": self.is_primary,
-            "failed": self.failed,
             "runs": self.runs,
             "recorded": not self.is_removed,
             **self.own.to_dict(),
+            "failed": self.failed,
             "difference": None,
         }
         if difference is not None:
@@ -167,6 +167,10 @@ class Sample:
     is_same: bool = False
     is_removed: bool = False
     is_unranked: bool = False
+
+    def estimate(self, ends: Ends = ANY) -> Estimate:
+        """The mean with its interval, as every table and figure shows it."""
+        return estimate(self.values, ends, self.is_same, failed=self.failed)
 
 
 @dataclass(frozen=True)
@@ -260,7 +264,7 @@ def _line(
     questions: Questions,
 ) -> ComparisonLine:
     sample, ends = variants[variant], questions.ends.get(metric, ANY)
-    own = estimate([v for v in sample.values if v is not None], ends, sample.is_same)
+    own = sample.estimate(ends)
     line = ComparisonLine(
         *(variant, metric, len(sample.values), own),
         setting=setting,

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from runtime.experiments.analysis.comparison import ComparisonLine
 from runtime.experiments.analysis.statistics import CORRECTION, LEVEL, TESTS, Estimate, Test
 from runtime.experiments.analysis.words import (
-    FAILED,
     NEGLIGIBLE,
     NEVER,
     NO_DIRECTION,
@@ -25,6 +24,7 @@ from runtime.experiments.analysis.words import (
     apart,
     half_width,
     interval,
+    lost,
     seeds_of,
     too_few,
 )
@@ -108,7 +108,7 @@ def legend(
         notes.append(
             "n/N: n of N seeds have a value (of a difference: both); means are over those."
         )
-    if any(line.own.never for line in lines):
+    if any(line.own.never or line.own.failed for line in lines):
         notes.append("Infinite values (never ...) and failed runs are worse than any value.")
     if UNRANKED in verdicts:
         notes.append(f"{UNRANKED}: {NO_DIRECTION}.")
@@ -137,10 +137,9 @@ def _few(lines: Sequence[ComparisonLine]) -> str:
 def _cells(
     line: ComparisonLine, interval_text: Callable[[Estimate, str], str], never: str
 ) -> tuple[str, ...]:
-    is_failed = line.failed and line.failed == (line.runs if line.is_unranked else line.own.never)
-    word = FAILED if is_failed else never
+    word = lost(line.own.never, line.own.failed, never)
     cells = [f"  {line.title}", seeds_of(line.own, line.runs)]
-    cells += [word if not line.own.n and (line.own.never or is_failed) else number(line.own.mean)]
+    cells += [number(line.own.mean) if line.own.n or not word else word]
     cells += [interval_text(line.own, "")]
     difference = line.difference
     if difference is None:

@@ -13,19 +13,19 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
-from runtime.experiments.analysis.statistics import (
-    ANY,
-    Ends,
-    Estimate,
-    estimate,
-    is_same_run,
-)
+import numpy as np
+
+from runtime.experiments.analysis.comparison import Sample
+from runtime.experiments.analysis.statistics import ANY, Ends, Estimate, is_same_run
 from runtime.experiments.analysis.words import NEVER, mean_of
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import Row
 
+FAILURES = ("failed", "timeout")
+Value = float | None
+T = TypeVar("T")
 BEST = 10
 REASONS, REASONS_SHOWN = 200, 5
 
@@ -40,9 +40,63 @@ class TrialGroup:
 
     def estimate(self, column: int, ends: Ends = ANY) -> Estimate:
         """The mean of a metric over the seeds that have a value."""
-        values = (row.metrics[column] for row in self.rows)
-        known = [value for value in values if value is not None]
-        return estimate(known, ends, is_same(self.rows, column))
+        return sample_of([self.rows], column).estimate(ends)
+
+
+def sample_of(
+    settings: Sequence[Sequence[Row]],
+    column: int,
+    worst: Value = math.inf,
+    is_sampled: bool = False,
+) -> Sample:
+    """The independent observations of a metric: every table, figure and report is made of them.
+
+    Parameters
+    ----------
+    settings : the rows of each setting of the factors, in the same order of seeds.
+    worst : the value of a run that failed; None for a metric without a direction.
+    is_sampled : the settings are drawn themselves, and each is one observation: the mean over its
+        seeds. Otherwise each seed is one: its mean over the settings.
+    """
+    by_setting = [[failed_value(row, column, worst) for row in rows] for rows in settings]
+    is_lost = [[has_failed(row, column) for row in rows] for rows in settings]
+    if len(settings) == 1:
+        values, failed = by_setting[0], sum(is_lost[0])
+        alike = is_same(settings[0], column)
+        return Sample(tuple(values), failed, alike, is_unranked=worst is None and failed > 0)
+    across = list if is_sampled else _by_seed
+    values = [mean_value(unit) for unit in across(by_setting)]
+    failed = sum(map(any, across(is_lost)))
+    alike = not is_sampled and all(is_same(rows, column) for rows in settings)
+    return Sample(tuple(values), failed, alike, is_unranked=worst is None and failed > 0)
+
+
+def _by_seed(by_setting: Iterable[Sequence[T]]) -> list[tuple[T, ...]]:
+    return list(zip(*by_setting, strict=True))
+
+
+def has_failed(row: Row, column: int) -> bool:
+    """Whether a run failed or timed out, so that it has no finite value of a metric."""
+    value = row.metrics[column]
+    return row.status in FAILURES and (value is None or not math.isfinite(value))
+
+
+def failed_value(row: Row, column: int, worst: Value) -> Value:
+    """A run's value; that of a run that failed is worse than any (the rule of win ratios).
+
+    Parameters
+    ----------
+    worst : infinite; None for a metric without a direction, in which no value is the worst.
+    """
+    # A mean of the other runs alone would reward a variant for failing with the hard seeds.
+    value = row.metrics[column]
+    return worst if value is None and row.status in FAILURES else value
+
+
+def mean_value(values: Sequence[Value]) -> Value:
+    """The mean of values; None if one has none, infinite if a run failed."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if len(known) == len(values) else None
 
 
 def is_same(rows: Sequence[Row], column: int) -> bool:
@@ -152,7 +206,8 @@ class Tally:
         if any(row.metrics[self.column] is None for row in group.rows):
             return
         estimate = group.estimate(self.column, self.ends)
-        rank = -estimate.never, -self.objective.of(estimate.mean) if estimate.n else -math.inf
+        lost = estimate.never + estimate.failed
+        rank = -lost, -self.objective.of(estimate.mean) if estimate.n else -math.inf
         # The first entry of a heap is the smallest: here the worst of the best. Of equal ones the
         # first of the plan is the better one, not the one that ended first.
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop

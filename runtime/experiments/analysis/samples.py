@@ -16,20 +16,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.document import parse_yaml
 from runtime.experiments.analysis.comparison import PER, Sample
-from runtime.experiments.analysis.groups import is_same
+from runtime.experiments.analysis.groups import Value, failed_value, sample_of
 from runtime.experiments.design import value_label
 from runtime.experiments.execution import ExperimentPlan, Row
 
 MOST_SETTINGS = 12  # that have lines of their own
-FAILURES = ("failed", "timeout")
 Samples = dict[tuple[str, str], dict[str, Sample]]
-Value = float | None
 
 
 def samples_of(
@@ -57,18 +55,6 @@ def samples_of(
     return {key: samples[key] for key in keys}
 
 
-def failed_value(row: Row, column: int, worst: Value) -> Value:
-    """A run's value; that of a run that failed is worse than any (the rule of win ratios).
-
-    Parameters
-    ----------
-    worst : infinite; None for a metric without a direction, in which no value is the worst.
-    """
-    # A mean of the other runs alone would reward a variant for failing with the hard seeds.
-    value = row.metrics[column]
-    return worst if value is None and row.status in FAILURES else value
-
-
 @dataclass(frozen=True)
 class _Table:
     """One metric of one variant: its runs by setting and seed."""
@@ -88,38 +74,31 @@ class _Table:
     def samples(self, metric: str) -> Iterator[tuple[str, str, Sample]]:
         """(name, setting, sample): all settings together, each alone, and trends."""
         settings = self.settings
-        by_setting = [[self._value(row) for row in rows] for rows in settings.values()]
-        same = [is_same(rows, self.column) for rows in settings.values()]
         is_sampled = self.plan.design.method != "grid"
-        units = by_setting if is_sampled else [list(each) for each in zip(*by_setting, strict=True)]
-        alike = all(same) and not is_sampled
-        yield metric, "", self._sample([mean_value(unit) for unit in units], alike)
+        whole = self._sample(list(settings.values()), is_sampled)
+        yield metric, "", whole
         if is_sampled or len(settings) == 1:
             return
         paths = [factor.path for factor in self.plan.design.factors]
         if len(settings) <= MOST_SETTINGS:
-            for cells, values, is_one in zip(settings, by_setting, same, strict=True):
+            for cells, rows in settings.items():
                 labels = (f"{p}={value_label(c)}" for p, c in zip(paths, cells, strict=True))
-                yield metric, ", ".join(labels), self._sample(values, is_one)
+                yield metric, ", ".join(labels), self._sample([rows])
         for i, path in enumerate(paths):
             places = [parse_yaml(cells[i], path).plain() for cells in settings]
             if all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in places):
-                slopes = [slope_of(places, unit) for unit in units]
-                yield f"{metric}{PER}{path}", "", self._sample(slopes, alike)
+                units = zip(*map(self._values, settings.values()), strict=True)
+                slopes = tuple(slope_of(places, unit) for unit in units)
+                # Where a run failed, the slope is infinite or missing.
+                lost = sum(slope is None or math.isinf(slope) for slope in slopes)
+                trend = replace(whole, values=slopes, failed=min(whole.failed, lost))
+                yield f"{metric}{PER}{path}", "", trend
 
-    def _value(self, row: Row) -> Value:
-        return failed_value(row, self.column, self.worst)
+    def _values(self, rows: Sequence[Row]) -> list[Value]:
+        return [failed_value(row, self.column, self.worst) for row in rows]
 
-    def _sample(self, values: list[Value], alike: bool) -> Sample:
-        failed = sum(value == self.worst for value in values)
-        failed = min(failed, sum(row.status in FAILURES for row in self.rows))
-        return Sample(tuple(values), failed, alike, is_unranked=self.worst is None and failed > 0)
-
-
-def mean_value(values: Sequence[Value]) -> Value:
-    """The mean of values; None if one has none, infinite if a run failed."""
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if len(known) == len(values) else None
+    def _sample(self, settings: Sequence[Sequence[Row]], is_sampled: bool = False) -> Sample:
+        return sample_of(settings, self.column, self.worst, is_sampled)
 
 
 def slope_of(places: Sequence[float], values: Sequence[Value]) -> Value:

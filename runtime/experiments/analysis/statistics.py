@@ -106,6 +106,7 @@ class Estimate:
     ----------
     never : values that are infinite (never settled); the mean is over the others.
     is_same : every seed gave the same run, so that all of them are one value.
+    failed : values that are those of runs that failed; they are not among ``never``.
     """
 
     n: int
@@ -114,11 +115,13 @@ class Estimate:
     high: float
     never: int = 0
     is_same: bool = False
+    failed: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """The estimate as plain data."""
         ends = {name: number_or_none(getattr(self, name)) for name in ("mean", "low", "high")}
-        return {"n": self.n, **ends, "never": self.never, "identical": self.is_same}
+        counts = {"never": self.never, "failed": self.failed, "identical": self.is_same}
+        return {"n": self.n, **ends, **counts}
 
     def is_over(self, runs: int) -> bool:
         """Whether the mean is over that many runs."""
@@ -157,7 +160,9 @@ class PairedDifference(Estimate):
     def to_dict(self) -> dict[str, Any]:
         p = None if self.is_of_these else number_or_none(self.p)
         tested = {"p": p, "pairs": self.pairs, "needed": self.needed}
-        return {**super().to_dict(), **tested, "test": self.scale, "margin": self.margin}
+        own = super().to_dict()
+        del own["failed"]  # of two runs, either may have failed
+        return {**own, **tested, "test": self.scale, "margin": self.margin}
 
     @property
     def is_too_small(self) -> bool:
@@ -175,27 +180,33 @@ class PairedDifference(Estimate):
         return self.pairs if self.never else self.n
 
 
-def estimate(values: Sequence[float], ends: Ends = ANY, is_same: bool = False) -> Estimate:
+def estimate(
+    values: Values, ends: Ends = ANY, is_same: bool = False, *, failed: int = 0
+) -> Estimate:
     """The mean of independent values, with Student's t interval.
 
     Parameters
     ----------
-    values : infinite where something is never reached; the mean is over the others.
+    values : infinite where something is never reached, None or NaN where there is none; the mean
+        is over the others.
     ends : no value of this quantity lies outside.
     is_same : the values are those of one run, repeated.
+    failed : so many of the values that are infinite or missing are those of runs that failed.
 
     A single value has no interval, nor have values that are all equal: their scatter is unknown.
     """
-    data = np.asarray(values[:1] if is_same else values, dtype=float)
+    data = np.array(values[:1] if is_same else values, dtype=float)  # None becomes NaN
     finite = data[np.isfinite(data)]
-    never = len(data) - len(finite)
+    infinite = int(np.isinf(data).sum())
+    failed = min(failed, len(data) - len(finite))
+    counts = max(0, infinite - failed), is_same, failed
     if not len(finite):
-        return Estimate(0, math.nan, math.nan, math.nan, never, is_same)
+        return Estimate(0, math.nan, math.nan, math.nan, *counts)
     # The interval of a time or of an error ends where the quantity does. Cut there, it covers the
     # true mean exactly as often as before, since that lies inside, too. A t interval of logarithms
     # reaches hundreds of times too far up with two values.
     low, high = np.clip(_t_interval(finite), *ends).tolist()
-    return Estimate(len(finite), float(finite.mean()), low, high, never, is_same)
+    return Estimate(len(finite), float(finite.mean()), low, high, *counts)
 
 
 def difference(

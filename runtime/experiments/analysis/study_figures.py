@@ -9,6 +9,7 @@ is its mean over the seeds with its 95 % interval::
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,20 +17,30 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.analysis.statistics import estimate
+from runtime.experiments.analysis.groups import sample_of
+from runtime.experiments.analysis.statistics import ANY, estimate
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep
-from runtime.experiments.analysis.sweep_plots import MAP, curve, variant_style
+from runtime.experiments.analysis.sweep_plots import (
+    MAP,
+    NOTHING,
+    curve,
+    mark_lost,
+    scale_of,
+    variant_style,
+)
 from runtime.experiments.design import FigureSpec, shown_probe
 from runtime.experiments.execution import INDEX, ExperimentPlan, Row, read_rows, read_series
 from runtime.plots import LOOKS, label_log, styled
 from runtime.terminal import with_unit
 
 HEIGHT = 0.72  # of a figure, as a share of its width
+ENDS = ("mean", "low", "high")
+COUNT = "n/N"  # marks how many runs are left
+ROOM = 0.08  # of the width of the axes, that a count needs
 LIGHT = 0.18  # how dark the interval of a curve is
 
 
@@ -42,7 +53,7 @@ def study_figures(plan: ExperimentPlan, folder: Path) -> Iterator[tuple[str, Fig
     """
     if not plan.figures:
         return
-    data = read_sweep(folder)
+    data = read_sweep(folder, math.inf)
     rows = sorted(read_rows(folder / INDEX, plan.columns), key=lambda row: row.trial)
     for figure in plan.figures:
         with styled(figure.style):
@@ -98,23 +109,29 @@ def _position(axis: Axis, value: str, figure: str) -> float:
 
 
 def _along(figure: FigureSpec, part: SweepData, chosen: Any) -> SweepData:
-    """The estimates at each place along the figure's factors: means of those at the same place.
+    """The estimates at each place along the figure's factors, as a table has them.
 
-    Where further factors have several values there, their settings are averaged, and the interval
-    is that over these settings.
+    Where further factors have several values there, each seed is averaged over their settings
+    first, and the interval is that over the seeds.
     """
     axes = [axis for path in figure.over for axis in part.axes if axis.path == path]
     places: dict[tuple[float, ...], list[int]] = {}
     for i in chosen:
         places.setdefault(tuple(axis.positions[i] for axis in axes), []).append(int(i))
-    all_of = part.metrics[figure.metric]
-    estimates = [
-        all_of[own[0]] if len(own) == 1 else estimate([all_of[i].mean for i in own])
+    column, ends = list(part.metrics).index(figure.metric), part.ends.get(figure.metric, ANY)
+    samples = [
+        sample_of([part.groups[i].rows for i in own], column, is_sampled=part.is_sampled)
         for own in places.values()
     ]
     firsts = [own[0] for own in places.values()]
     shown = tuple(replace(axis, positions=axis.positions[firsts]) for axis in axes)
-    return replace(part, axes=shown, metrics={figure.metric: estimates})
+    return replace(
+        part,
+        axes=shown,
+        groups=(),
+        metrics={figure.metric: [sample.estimate(ends) for sample in samples]},
+        seeds=max((len(sample.values) for sample in samples), default=0),
+    )
 
 
 def _over_factor(figure: FigureSpec, data: SweepData) -> Figure:
@@ -144,8 +161,7 @@ def _map(figure: FigureSpec, data: SweepData) -> Figure:
     """A map per variant, all with the same colours, and contours."""
     parts = _parts(figure, data)
     page, grid = _page(figure, len(parts))
-    values = np.concatenate([part.means(figure.metric) for part in parts.values()])
-    scale = Normalize(float(np.nanmin(values)), float(np.nanmax(values)))
+    scale = scale_of(np.concatenate([part.means(figure.metric) for part in parts.values()]))
     image = None
     for axes, (name, part) in zip(grid, parts.items(), strict=True):
         columns, rows = (axis.distinct for axis in part.axes)
@@ -153,7 +169,9 @@ def _map(figure: FigureSpec, data: SweepData) -> Figure:
         at = (np.searchsorted(a.distinct, a.positions) for a in part.axes)
         table[tuple(at)[::-1]] = part.means(figure.metric)
         axes.grid(False)
+        axes.set_facecolor(NOTHING)
         image = axes.pcolormesh(columns, rows, table, cmap=MAP, norm=scale, shading="nearest")
+        mark_lost(axes, part, figure.metric, *(axis.positions for axis in part.axes))
         for axis, side in zip(part.axes, "xy", strict=True):
             _name_values(axes, axis, side, figure)
         has_numbers = not any(axis.names for axis in part.axes)
@@ -180,11 +198,8 @@ def _over_time(
         message = f"no trial recorded '{figure.signal}'; run the experiment again with --name"
         raise UsageError(f"figures.{figure.name}: {message}")
     for i, (name, runs) in enumerate(curves.items()):
-        longest = max(runs, key=lambda run: len(run[0]))[0]
-        values = np.full((len(runs), len(longest)), np.nan)
-        for row, (t, own) in zip(values, runs, strict=True):
-            row[: len(t)] = own
-        _band(axes, longest, values, i, figure.label(name))
+        _band(axes, *_at_common_times(runs), i, figure.label(name))
+    _mark_ends(axes)
     probe = plan.graph.observation.probes.get(shown_probe(figure.signal))
     unit = probe.units[0] if probe is not None else ""
     label = figure.label(figure.signal)
@@ -223,18 +238,51 @@ def _runs(
     return curves
 
 
-def _band(axes: Axes, t: FloatArray, values: FloatArray, i: int, label: str) -> None:
-    """The mean over the rows that have a value, and its 95 % interval."""
-    from scipy import special
+def _at_common_times(
+    runs: Sequence[tuple[FloatArray, FloatArray]],
+) -> tuple[FloatArray, FloatArray]:
+    """The times (k,) of the run that lasts longest, and every run there: (runs, k).
 
-    n = np.isfinite(values).sum(axis=0)
-    mean = np.nanmean(values, axis=0)
+    A run that ended before is NaN from then on. Each run has rows of its own: a short one is stored
+    with more of them.
+    """
+    times = max((t for t, _ in runs), key=lambda t: float(t[-1]) if len(t) else -math.inf)
+    values = np.full((len(runs), len(times)), np.nan)
+    for row, (t, own) in zip(values, runs, strict=True):
+        if len(t):
+            # Half a row beyond its end still shows its last value.
+            margin = 0.5 * float(np.diff(t).max(initial=0.0))
+            during = (times >= t[0] - margin) & (times <= t[-1] + margin)
+            row[during] = np.interp(times[during], t, own)
+    return times, values
+
+
+def _band(axes: Axes, t: FloatArray, values: FloatArray, i: int, label: str) -> None:
+    """The mean over the runs that still go on, and its 95 % interval; n/N where one ends."""
+    estimates = [estimate(column) for column in values.T.tolist()]
+    mean, low, high = (np.array([getattr(e, end) for e in estimates]) for end in ENDS)
     look = variant_style(i)
     del look["marker"]
     look["linestyle"] = ("-", "--", "-.", ":")[i % 4]
     axes.plot(t, mean, label=label or None, linewidth=1.2, **look)
-    if len(values) > 1:
-        # The standard error: nanstd divides by n, not by n - 1.
-        error = np.nanstd(values, axis=0) / np.sqrt(np.maximum(n - 1, 1))
-        half = special.stdtrit(np.maximum(n - 1, 1), 0.975) * np.where(n > 1, error, 0.0)
-        axes.fill_between(t, mean - half, mean + half, color=look["color"], alpha=LIGHT, lw=0.0)
+    axes.fill_between(t, low, high, color=look["color"], alpha=LIGHT, lw=0.0)
+    n = np.array([each.n for each in estimates])
+    ends = np.flatnonzero(np.diff(n) < 0)
+    axes.plot(t[ends], mean[ends], "|", color=look["color"], markersize=5.0)
+    for k in ends:
+        how: dict[str, Any] = {"xytext": (2, 3), "textcoords": "offset points", "gid": COUNT}
+        how |= {"fontsize": 6.0, "color": look["color"]}
+        axes.annotate(f"{n[k + 1]}/{len(values)}", (t[k], mean[k]), **how)
+
+
+def _mark_ends(axes: Axes) -> None:
+    """Leave out counts that would be written over others, the earlier ones first."""
+    low, high = axes.dataLim.intervalx
+    counts = [text for text in axes.texts if text.get_gid() == COUNT]
+    last = math.inf
+    for text in sorted(counts, key=lambda text: -float(text.xy[0])):  # type: ignore[attr-defined]
+        x = float(text.xy[0])  # type: ignore[attr-defined]
+        if last - x < ROOM * (high - low):
+            text.remove()
+        else:
+            last = x

@@ -21,6 +21,7 @@ from runtime.document import flow_yaml, from_python, parse_yaml
 from runtime.errors import Problems, UsageError
 from runtime.experiments.analysis.groups import TrialGroup, gather
 from runtime.experiments.analysis.statistics import ANY, Ends, Estimate
+from runtime.experiments.analysis.words import NEVER, lost
 from runtime.experiments.design import (
     BASELINE,
     Factor,
@@ -55,20 +56,28 @@ class Axis:
 class SweepData:
     """A sweep's configurations: positions on each axis, and each metric's mean over the seeds.
 
-    ``metrics`` maps a metric to one estimate per configuration. ``skipped`` is the number of
-    configurations that were left out, evenly, because a page cannot show more.
+    ``groups`` are the configurations with their runs, ``metrics`` maps a metric to one estimate for
+    each. ``seeds`` is the number of observations of an estimate to which every run has given a
+    value. ``skipped`` is the number of configurations that were left out, evenly, because a page
+    cannot show more.
     """
 
     name: str
     method: str
     seeds: int
     axes: tuple[Axis, ...]
+    groups: tuple[TrialGroup, ...]
     metrics: dict[str, list[Estimate]]
     units: dict[str, str]
     ends: dict[str, Ends]
     never: dict[str, str]
     objective: Objective | None
     skipped: int
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether the settings are drawn themselves, so that each is one observation."""
+        return self.method != "grid"
 
     @property
     def by_variant(self) -> dict[str, SweepData]:
@@ -84,7 +93,8 @@ class SweepData:
                 for metric, estimates in self.metrics.items()
             }
             axes = tuple(replace(axis, positions=axis.positions[own]) for axis in rest)
-            parts[name] = replace(self, axes=axes, metrics=metrics)
+            groups = tuple(each for each, is_own in zip(self.groups, own, strict=True) if is_own)
+            parts[name] = replace(self, axes=axes, groups=groups, metrics=metrics)
         return parts
 
     def label(self, metric: str) -> str:
@@ -100,10 +110,17 @@ class SweepData:
         estimates = self.metrics[metric]
         return np.array([each.n > 0 and not each.is_over(self.seeds) for each in estimates])
 
-    def is_never(self, metric: str) -> NDArray[np.bool_]:
-        """Whether the metric of each configuration is infinite with every seed that has one."""
-        return np.array(
-            [estimate.never > 0 and not estimate.n for estimate in self.metrics[metric]]
+    def is_lost(self, metric: str) -> NDArray[np.bool_]:
+        """Whether each configuration has no finite value since runs failed or reached nothing."""
+        estimates = self.metrics[metric]
+        return np.array([not each.n and each.never + each.failed > 0 for each in estimates])
+
+    def words_of_lost(self, metric: str) -> list[str]:
+        """What became of the runs of those configurations: ``failed``, ``never settled``."""
+        never = self.never.get(metric, NEVER)
+        estimates = [each for each in self.metrics[metric] if not each.n]
+        return list(
+            dict.fromkeys(filter(None, (lost(e.never, e.failed, never) for e in estimates)))
         )
 
     def is_same(self, metrics: Iterable[str]) -> bool:
@@ -111,8 +128,9 @@ class SweepData:
         return all(estimate.is_same for name in metrics for estimate in self.metrics[name])
 
 
-def read_sweep(folder: Path) -> SweepData:
-    """Read a sweep for drawing, complete or not.
+def read_sweep(folder: Path, most: float | None = None) -> SweepData:
+    """Read a sweep for drawing, complete or not, with at most so many configurations
+    (:data:`MOST`).
 
     Raises
     ------
@@ -132,7 +150,9 @@ def read_sweep(folder: Path) -> SweepData:
     metrics = tuple(map(str, plan.get("metrics", ())))
     columns = Columns(tuple(factor.path for factor in parsed), metrics)
     ends = plan["ends"]
-    groups, skipped = _thin_out(gather(read_rows(folder / INDEX, columns), len(seeds)))
+    groups, skipped = _thin_out(
+        gather(read_rows(folder / INDEX, columns), len(seeds)), most or MOST
+    )
     goals = ((plan.get(goal), goal) for goal in ("minimize", "maximize"))
     chosen = next(((str(metric), goal) for metric, goal in goals if metric), None)
     return SweepData(
@@ -142,6 +162,7 @@ def read_sweep(folder: Path) -> SweepData:
         axes=tuple(
             _axis(factor, [group.cells[i] for group in groups]) for i, factor in enumerate(parsed)
         ),
+        groups=tuple(groups),
         metrics={
             name: [group.estimate(i, ends.get(name, ANY)) for group in groups]
             for i, name in enumerate(metrics)
@@ -154,15 +175,15 @@ def read_sweep(folder: Path) -> SweepData:
     )
 
 
-def _thin_out(groups: Iterable[TrialGroup]) -> tuple[list[TrialGroup], int]:
-    """Every n-th configuration, with n such that at most ``MOST`` are left."""
+def _thin_out(groups: Iterable[TrialGroup], most: float) -> tuple[list[TrialGroup], int]:
+    """Every n-th configuration, with n such that at most so many are left."""
     thinned: list[TrialGroup] = []
     every, count = 1, 0
     for group in groups:
         count += 1
         if group.number % every == 0:
             thinned.append(group)
-        if len(thinned) > MOST:
+        if len(thinned) > most:
             every *= 2
             thinned = [group for group in thinned if group.number % every == 0]
     thinned.sort(key=lambda group: group.number)

@@ -36,6 +36,7 @@ MAP = "viridis"
 FEW_CELLS = 60  # up to this many, a heat map shows its numbers
 MANY_TICKS = 12
 CROWD = 25  # up to this many, each point of a curve has a marker
+NOTHING = "0.85"  # the colour of a cell without a value
 BEYOND = 1.05  # where lines end, on an axis from 0 to 1, that have no finite value
 PARTIAL = "n/N or red: only n of the N seeds have a value"
 
@@ -52,7 +53,7 @@ def sweep_figures(folder: Path, look: str = "screen") -> Iterator[tuple[str, Fig
     shown = [
         name
         for name in data.metrics
-        if np.isfinite(data.means(name)).any() or data.is_never(name).any()
+        if np.isfinite(data.means(name)).any() or any(each.never for each in data.metrics[name])
     ]
     if not shown or not data.axes or not len(data.axes[0].positions):
         return
@@ -92,7 +93,7 @@ def _maps(data: SweepData, parts: Mapping[str, SweepData], metrics: list[str], l
     figure, grid = panels(count, *words, columns=columns, height=3.0, look=look)
     places = iter(grid)
     for metric in metrics:
-        scale = Normalize(*_range(data.means(metric)[np.isfinite(data.means(metric))]))
+        scale = scale_of(data.means(metric))
         for name, part in parts.items():
             axes = next(places)
             axes.set_title(", ".join(filter(None, (data.label(metric), name))))
@@ -108,15 +109,18 @@ def variant_style(i: int) -> dict[str, Any]:
 
 
 def _facts(data: SweepData, metrics: list[str]) -> str:
-    over = f"means over {data.seeds} seeds" if data.seeds > 1 else "one seed"
+    over = "one seed"
+    if data.seeds > 1:
+        bars = ", bars: 95 % intervals of the mean" * (
+            len(next(iter(data.by_variant.values())).axes) == 1
+        )
+        over = f"means over {data.seeds} seeds{bars}"
     if data.seeds > 1 and data.is_same(metrics):
         over = f"{SAME}, the seed changes nothing"
     if any(data.is_partial(metric).any() for metric in metrics):
         over += f" ({PARTIAL})"
-    infinite = [name for name in metrics if data.is_never(name).any()]
-    if infinite:
-        words = dict.fromkeys(data.never.get(name, NEVER) for name in infinite)
-        over += f"; a red cross: {', '.join(words)}"
+    words = dict.fromkeys(word for name in metrics for word in data.words_of_lost(name))
+    over += f"; a red cross: {', '.join(words)}" * bool(words)
     left = f", {data.skipped} configurations not drawn" if data.skipped else ""
     return f"{len(data.axes[0].positions)} configurations, {over}{left}"
 
@@ -144,7 +148,7 @@ def curve(axes: Axes, data: SweepData, metric: str, look: dict[str, Any]) -> Non
     axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
     axes.autoscale_view()
     where: Any = ("data", "axes fraction")
-    infinite = data.is_never(metric)[order]
+    infinite = data.is_lost(metric)[order]
     if infinite.any():  # without a point, a line that is not clipped has no place in the layout
         axes.plot(x[infinite], np.ones(infinite.sum()), "x", **beyond(axes))
     if infinite.all():
@@ -186,7 +190,7 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: Norma
     at = np.searchsorted(rows, second.positions), np.searchsorted(columns, first.positions)
     grid[at] = data.means(metric)
     axes.grid(False)
-    colours = matplotlib.colormaps[MAP].with_extremes(bad="0.85")
+    colours = matplotlib.colormaps[MAP].with_extremes(bad=NOTHING)
     image = axes.imshow(grid, origin="lower", aspect="auto", cmap=colours, norm=scale)
     figure.colorbar(image, ax=axes, pad=0.01, aspect=18)
     for axis, positions, side in ((first, columns, "x"), (second, rows, "y")):
@@ -194,18 +198,41 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: Norma
         ticks = range(0, len(names), -(-len(names) // MANY_TICKS))
         _name_ticks(axes, side, ticks, [names[i] for i in ticks])
         axes.set(**{f"{side}label": axis.path})
-    infinite, partial = (np.full(grid.shape, False) for _ in range(2))
-    infinite[at], partial[at] = data.is_never(metric), data.is_partial(metric)
-    axes.plot(*np.argwhere(infinite)[:, ::-1].T, "x", color=MARK, markersize=4.0)
-    if grid.size <= FEW_CELLS:
+    few = grid.size <= FEW_CELLS
+    mark_lost(axes, data, metric, *at[::-1], is_written=few)
+    if few:
         seeds = np.full(grid.shape, data.seeds)
         seeds[at] = [
             data.seeds if estimate.n and estimate.is_over(data.seeds) else estimate.n
             for estimate in data.metrics[metric]
         ]
         _numbers(axes, grid, seeds, data.seeds, scale)
-    else:
-        axes.plot(*np.argwhere(partial)[:, ::-1].T, ".", color=MARK, markersize=3.0)
+
+
+def mark_lost(
+    axes: Axes,
+    data: SweepData,
+    metric: str,
+    x: FloatArray,
+    y: FloatArray,
+    *,
+    is_written: bool = False,
+) -> None:
+    """Mark cells of a map: a red cross without a finite value, a red dot with only some.
+
+    Parameters
+    ----------
+    x, y : where each configuration is.
+    is_written : the numbers of seeds are written into the cells, which need no dots.
+    """
+    kinds = [("x", 4.0, data.is_lost(metric)), (".", 3.0, data.is_partial(metric))]
+    for marker, size, which in kinds[: 1 if is_written else 2]:
+        axes.plot(x[which], y[which], marker, color=MARK, markersize=size, linestyle="none")
+
+
+def scale_of(means: FloatArray) -> Normalize:
+    """The colours of a map, over the means that are finite."""
+    return Normalize(*_range(means[np.isfinite(means)]))
 
 
 def _numbers(
@@ -231,7 +258,7 @@ def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: No
     finite = np.isfinite(means)
     look: dict[str, Any] = {"s": 22.0, "zorder": 2.0}
     hollow: dict[str, Any] = {"facecolors": "none", "edgecolors": "0.5", "linewidths": 0.8}
-    infinite = data.is_never(metric)
+    infinite = data.is_lost(metric)
     cross: dict[str, Any] = {"marker": "x", "c": MARK, "linewidths": 1.0}
     none = ~finite & ~infinite
     axes.scatter(first.positions[none], second.positions[none], **look, **hollow)
@@ -257,7 +284,7 @@ def _parallel(data: SweepData, metric: str, look: str) -> Figure:
     verticals = [*data.axes, value]
     heights = np.column_stack([_height(axis) for axis in verticals])
     x = np.arange(len(verticals), dtype=float)
-    never = data.is_never(metric)
+    never = data.is_lost(metric)
     no_value = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~finite & ~never]]
     axes.add_collection(LineCollection(no_value, colors="0.8", linewidths=0.6, zorder=1.0))
     # Beyond the upper end of the axis, which is the bad one of what may be infinite.

@@ -42,6 +42,22 @@ def seeds_of(estimate: Estimate, runs: int) -> str:
     return str(runs) if estimate.n == runs else f"{estimate.n}/{runs}"
 
 
+def each_mean(count: int, unit: str) -> str:
+    """What an observation is the mean over, such as ``, its mean over 4 settings``."""
+    return f", its mean over {count} {unit}s" if count > 1 else ""
+
+
+def lost(never: int, failed: int, words: str = NEVER) -> str:
+    """What became of runs without a finite value: they failed, or what they never did.
+
+    Parameters
+    ----------
+    never, failed : how many of each.
+    words : what it means that a value is infinite, such as ``never settled``.
+    """
+    return " or ".join([FAILED] * bool(failed) + [words] * bool(never))
+
+
 def mean_of(estimate: Estimate, runs: int, never: str = NEVER, *, spread: bool = False) -> str:
     """A mean, with how many seeds it is over if not all; what an infinite value means if all are.
 
@@ -52,7 +68,8 @@ def mean_of(estimate: Estimate, runs: int, never: str = NEVER, *, spread: bool =
     """
     if not estimate.n:
         share = f" ({SAME})" if estimate.is_same else f", 0 of {runs}"
-        return never + share if estimate.never else "-"
+        word = lost(estimate.never, estimate.failed, never)
+        return word + share if word else "-"
     half = half_width(estimate) if spread else "-"
     shown = number(estimate.mean)
     if half != "-":

@@ -272,7 +272,7 @@ def _series(
     for signal in signals:
         recorded = result.probes.get(shown_probe(signal))
         if recorded is not None:
-            # Every n-th row, the same ones in each trial, so that means over seeds can be formed.
+            # Every n-th row; a figure brings trials of other lengths to common times.
             rows = slice(None, None, max(1, -(-len(recorded.t) // POINTS)))
             yield signal, (recorded.t[rows].copy(), recorded.columns[rows, 0].copy())
 
