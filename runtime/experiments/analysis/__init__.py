@@ -19,8 +19,9 @@ from runtime.experiments.analysis.groups import (
     TrialGroup,
     failed_value,
     gather,
+    has_failed,
     is_same,
-    mean_value,
+    sample_of,
 )
 from runtime.experiments.analysis.samples import samples_of
 from runtime.experiments.analysis.statistics import (

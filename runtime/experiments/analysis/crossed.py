@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import BoolArray, FloatArray
 from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
 from runtime.experiments.analysis.statistics import (
     ANY,
@@ -50,11 +50,14 @@ class Contestant:
     is_tuned : its tunings are samples of what a method finds; without factors to tune, all of them
         are the same controller.
     is_same : the seed changes nothing.
+    failed : the infinite values that are those of runs that failed, as ``values``; the others were
+        never reached.
     """
 
     values: FloatArray
     is_tuned: bool
     is_same: bool = False
+    failed: BoolArray | None = None
 
     @property
     def is_one_run(self) -> bool:
@@ -75,8 +78,11 @@ class Contestant:
 
     def estimate(self, ends: Ends = ANY) -> Estimate:
         """The mean, with the interval of other tunings, conditions and seeds."""
-        units = [unit for unit in self.units if unit is not None]
-        plain = estimate(units, ends, self.is_one_run)
+        units, failed = self.units, 0
+        if self.failed is not None:
+            lost = np.moveaxis(self.failed, _axis(self.values), 0).reshape(len(units), -1).any(1)
+            failed = sum(each and not _is_finite(u) for u, each in zip(units, lost, strict=True))
+        plain = estimate(units, ends, self.is_one_run, failed=failed)
         known = np.where(np.isfinite(self.values), self.values, np.nan)
         if self.is_one_run or plain.n < 2 or np.isnan(known).any():
             return plain
@@ -86,6 +92,10 @@ class Contestant:
         half = _t(freedom) * error
         low, high = np.clip([plain.mean - half, plain.mean + half], *ends).tolist()
         return replace(plain, low=low, high=high)
+
+
+def _is_finite(unit: float | None) -> bool:
+    return unit is not None and math.isfinite(unit)
 
 
 def crossed_difference(

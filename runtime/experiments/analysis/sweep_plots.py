@@ -199,7 +199,7 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: Norma
         _name_ticks(axes, side, ticks, [names[i] for i in ticks])
         axes.set(**{f"{side}label": axis.path})
     few = grid.size <= FEW_CELLS
-    mark_lost(axes, data, metric, *at[::-1], is_written=few)
+    mark_lost(axes, data, metric, at[1].astype(float), at[0].astype(float), is_written=few)
     if few:
         seeds = np.full(grid.shape, data.seeds)
         seeds[at] = [

@@ -34,6 +34,7 @@ from runtime.experiments.analysis import (
     corrected,
     crossed_difference,
     legend,
+    lost,
 )
 from runtime.experiments.design import Experiment, RunSet, slugs
 from runtime.experiments.execution import Note, RunOptions, write_checked
@@ -84,11 +85,11 @@ class ContestResult:
     def _contestant(self, name: str, metric: str) -> Contestant:
         own = self.tunings[name]
         found = [held_out_values(each.plan, metric, entered(each)) for each in own]
-        is_same = all(same for _, same in found)
-        values = np.array([values for values, _ in found])
-        # A seed that changes nothing has been run once.
-        values = values[:, :, :1] if is_same and values.shape[1] > 1 else values
-        return Contestant(values, bool(own[0].plan.paths), is_same)
+        is_same = all(same for *_, same in found)
+        values, failed = (np.array([each[i] for each in found]) for i in (0, 1))
+        if is_same and values.shape[1] > 1:  # a seed that changes nothing has been run once
+            values, failed = values[:, :, :1], failed[:, :, :1]
+        return Contestant(values, bool(own[0].plan.paths), is_same, failed)
 
     def _failures(self) -> Iterator[str]:
         """How many held-out runs of each contestant count as the worst value."""
@@ -171,7 +172,7 @@ def _line(
     """One contestant, beside another one."""
     one = entries[name]
     own = one.estimate(asked.ends.get(metric, ANY))
-    line = ComparisonLine(name, metric, len(one.units), own, reference=other, failed=own.never)
+    line = ComparisonLine(name, metric, len(one.units), own, reference=other, failed=own.failed)
     if other is None:
         return line
     is_skewed = True if metric in asked.never else None
@@ -193,7 +194,9 @@ def agreement(facts: Mapping[str, Any]) -> Iterator[str]:
         found = [each["metrics"].get(metric) for each in tunings]
         scores = [x for x in found if x is not None and math.isfinite(x)]
         failed = len(found) - len(scores)
-        bad = f"; {failed} without a value, since held-out runs failed" * bool(failed)
+        never = (facts.get("never") or {}).get(metric, "")
+        why = lost(bool(never), 1, never)
+        bad = f"; {failed} without a value, since held-out runs {why}" * bool(failed)
         if not scores:
             yield f"{name}: {metric} of none of {len(found)} tunings{bad}"
             continue

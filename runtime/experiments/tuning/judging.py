@@ -22,14 +22,15 @@ from runtime.experiments.analysis import (
     ANY,
     Estimate,
     PairedDifference,
+    Sample,
     benjamini_hochberg,
     difference,
-    estimate,
     failed_value,
+    has_failed,
     is_same,
     is_significant,
-    mean_value,
     number_or_none,
+    sample_of,
 )
 from runtime.experiments.design import RunSet
 from runtime.experiments.tuning.plan import BASELINE, TuningPlan
@@ -181,25 +182,25 @@ def _shown(judged: Evaluation, larger_is_better: bool) -> int:
 def _evaluate(
     plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate, baseline: Candidate
 ) -> Evaluation:
-    values, is_one = _units(plan, scorer, metric, runs, one)
-    own, own_is_one = _units(plan, scorer, metric, runs, baseline)
-    known = [value for value in values if value is not None]
-    mean = estimate(known, plan.ends.get(metric, ANY), is_one)
+    sample = _sample(plan, scorer, metric, runs, one)
+    own = _sample(plan, scorer, metric, runs, baseline)
     over = scorer.score(one.rows, runs, runs.seeds).metrics[metric]
     paired = None
     if one.number != BASELINE:
         paired = difference(
-            *(values, own),
-            is_same=is_one and own_is_one,
+            *(sample.values, own.values),
+            is_same=sample.is_same and own.is_same,
             is_skewed=True if metric in plan.never else None,
         )
-    return Evaluation(mean, len(values), over, paired)
+    mean = sample.estimate(plan.ends.get(metric, ANY))
+    return Evaluation(mean, len(sample.values), over, paired)
 
 
 def held_out_values(
     plan: TuningPlan, metric: str, one: Candidate
-) -> tuple[list[list[float]], bool]:
-    """A metric of the held-out runs by condition and seed, and whether the seed changes nothing.
+) -> tuple[list[list[float]], list[list[bool]], bool]:
+    """A metric of the held-out runs by condition and seed, which of them failed, and whether the
+    seed changes nothing.
 
     NaN where there is no value, infinite of a run that failed.
     """
@@ -207,24 +208,18 @@ def held_out_values(
     rows = [[one.rows[name, seed] for seed in runs.seeds] for name in runs.names]
     found = [[failed_value(row, column, plan.worst(metric)) for row in each] for each in rows]
     values = [[math.nan if value is None else value for value in each] for each in found]
-    return values, all(is_same(each, column) for each in rows)
+    failed = [[has_failed(row, column) for row in each] for each in rows]
+    return values, failed, all(is_same(each, column) for each in rows)
 
 
-def _units(
-    plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate
-) -> tuple[list[float | None], bool]:
+def _sample(plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate) -> Sample:
     """A metric's value in each condition, or of a single one with each seed.
 
-    Also whether the seed changes nothing there. The seeds of one condition tell nothing of others:
-    taken for independent, 18 to 28 of 100 tables would show a difference that is none.
+    The seeds of one condition tell nothing of others: taken for independent, 18 to 28 of 100
+    tables would show a difference that is none.
     """
-    column = scorer.columns[metric]
-    worst = plan.worst(metric)
     rows = [[one.rows[name, seed] for seed in runs.seeds] for name in runs.names]
-    values = [[failed_value(row, column, worst) for row in each] for each in rows]
-    if len(rows) == 1:
-        return values[0], is_same(rows[0], column)
-    return [mean_value(each) for each in values], False
+    return sample_of(rows, scorer.columns[metric], plan.worst(metric), is_sampled=True)
 
 
 def _correct(lines: list[Judgement]) -> list[Judgement]:

@@ -119,7 +119,7 @@ def test_parallel_coordinates_beyond(here: Run, draw: Path, folder: Path) -> Non
     figures = dict(sweep_figures(folder))
     assert set(figures) == {"parallel_drawn", "parallel_total"}
     axes = figures["parallel_total"].axes[0]
-    lost, lines = (item for item in axes.collections if isinstance(item, LineCollection))
+    _, lost, lines = (item for item in axes.collections if isinstance(item, LineCollection))
     data = read_sweep(folder)
     known = np.isfinite(data.means("total"))
     assert len(lines.get_segments()) == known.sum()

@@ -200,7 +200,7 @@ def test_failed_trials_are_counted_by_reason(pages: dict[str, Path]) -> None:
     every = rows(html, "all configurations")
     assert len(every) == 12
     assert [row[3] for row in every if row[2] == "raise"] == [f"0/{SEEDS}"] * 6
-    assert {row[4] for row in every if row[2] == "raise"} == {"–"}
+    assert {row[4] for row in every if row[2] == "raise"} == {"failed, 0 of 4"}
 
 
 def test_figures_of_a_sweep_depend_on_its_number_of_factors(pages: dict[str, Path]) -> None:
@@ -370,7 +370,7 @@ def test_the_tables_of_a_contest_agree_with_its_results(
     assert len(found) == 1 and found[0].startswith(expected)
     figure = [e for e in elements(html) if e.inside("figure", id="figure-1")]
     words = {e.text.strip() for e in figure if e.tag == "text"}
-    assert {"gain", "alone", "never, 0 of 6 ▸"} <= words
+    assert {"gain", "alone", "failed, 0 of 6 ▸"} <= words
     assert find(html, "figcaption")[0].text.startswith("Metrics by contestant")
 
 
