@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from scipy import stats
 
 from blocks.core import FloatArray
@@ -61,7 +62,7 @@ def test_dots_of_an_ablation_are_the_observations_of_its_interval(
     figure = ablation_figure(tmp_path / "ablations" / "study")
     dots = [line for line in figure.axes[0].lines if line.get_marker() == "."]
     assert sorted(dots[0].get_xdata()) == pytest.approx(sorted(5.0 + NOISE))
-    caption = " ".join(text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
+    caption = " ".join(text.get_text() for text in figure.artists if isinstance(text, Annotation))
     assert "a dot: one seed, its mean over 2 settings" in caption
 
 
