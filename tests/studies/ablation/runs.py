@@ -101,7 +101,7 @@ def measure(
     if chosen is None:
         raise UsageError(f"{experiment.name}: there are no seeds")
     plan = ablation_plan(replace(experiment, entries=replace(experiment.entries, seeds=chosen)))
-    options = RunOptions(folder / plan.name, lambda: _pool(jobs), resume=True)
+    options = RunOptions(folder / plan.name, lambda _: _pool(jobs), resume=True)
     done = run_ablation(plan, options, Progress(plan.name))
     if done.is_interrupted:
         raise KeyboardInterrupt
