@@ -80,9 +80,9 @@ class Contestant:
         """The mean, with the interval of other tunings, conditions and seeds."""
         units, failed = self.units, 0
         if self.failed is not None:
-            lost = np.moveaxis(self.failed, _axis(self.values), 0).reshape(len(units), -1)
-            pairs = zip(units, lost.any(axis=1).tolist(), strict=True)
-            failed = sum(is_lost and not _is_finite(unit) for unit, is_lost in pairs)
+            by_unit = np.moveaxis(self.failed, _axis(self.values), 0)
+            pairs = zip(units, by_unit, strict=True)
+            failed = sum(not _is_finite(unit) and bool(lost.any()) for unit, lost in pairs)
         plain = estimate(units, ends, self.is_one_run, failed=failed)
         known = np.where(np.isfinite(self.values), self.values, np.nan)
         if self.is_one_run or plain.n < 2 or np.isnan(known).any():
