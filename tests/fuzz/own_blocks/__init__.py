@@ -15,13 +15,17 @@ TITLE = "Own blocks under all engines"
 WHAT = (
     "Random methods of own blocks in Python and NumPy: arithmetic of floats, integers, bools and "
     "arrays of these, calls with side effects, draws, comprehensions, views, masks, keywords, "
-    "domain errors, NaN and infinity; each runs for 7 ticks under the Python engine, the compiled "
-    "engine without its own comparison with Python, and the checked engine with it."
+    "domain errors, NaN and infinity; memory in views of a state in lists, dicts and objects, in "
+    "closures, globals, defaults and attributes of a class. Each runs for 7 ticks under the Python "
+    "engine, the compiled engine without its own comparison with Python, and the checked engine "
+    "with it, after a compilation with other globals; each engine also goes back two ticks, and, "
+    "where memory is not shared by all runs, is copied, and the copy runs before the original."
 )
 HOLDS = (
     "Every output, recorded state and last state has the same bits (within 1e-9 where NumPy's own "
     "functions of arrays round otherwise), and a block that fails does so at the same tick with "
-    "the same exception. What does not compile is called from Python."
+    "the same exception. So it is for a copy and its original. What does not compile is called "
+    "from Python."
 )
 AT_ONCE = 60
 

@@ -39,6 +39,51 @@ def fibonacci(k):
     return a
 
 
+def gained(y, g=SCALE, at=(1, 0.5)):
+    return y * g + at[0] - at[1]
+
+
+# Memory that all runs share, by block, since a graph has many.
+NUMBERS = {}
+LAST = 0.0
+
+
+def bumped(name, y):
+    global LAST
+    LAST = y
+    NUMBERS[name] += LAST
+    return NUMBERS[name]
+
+
+def summed(name, y, sums={}):  # noqa: B006  (memory of its kind)
+    sums[name] = sums.get(name, 0.0) * 0.5 + y
+    return sums[name]
+
+
+def adder():
+    total, times = 0.0, [0]
+
+    def add(y):
+        nonlocal total
+        total = total * 0.5 + y
+        times[0] += 1
+        return total + times[0]
+
+    return add
+
+
+class Helper:
+    """Writes into an array that belongs to a state."""
+
+    def __init__(self, array):
+        self.array, self.last = array, 0.0
+
+    def add(self, y):
+        self.array[0] += y
+        self.last, before = y, self.last
+        return before
+
+
 def first_of(a, b):
     return a if a[0] > b[0] else b
 
@@ -66,6 +111,7 @@ class Base(Block):
     mode: str = param("fast", choices=("fast", "slow"), doc="a text")
     p: FloatArray = param([2.0, -1.0, 0.5], shape=(3,), doc="an array")
 
+    count = 0.0
     begin = State()
     h = State(4)
     g = State(2, 3)
@@ -76,6 +122,16 @@ class Base(Block):
         state.h = first
         state.g = [[1.0, -0.5, 2.0], [3.0, 0.25, -1.0]]
         state.s = 0.5
+        state.parts = [state.h[:2], state.h[:1:-1]]
+        state.named = {"g": (state.g[0], state.g[:, 1])}
+        state.helper, state.add = Helper(state.h[1:3]), adder()
+        state.kept = [0.5]
+        state.draws = {"rng": state.rng}
+        apart = np.arange(4.0)
+        state.loose = [apart, apart[1:3]]
+        name = type(self).__name__
+        NUMBERS[name] = summed.__defaults__[0][name] = 0.0
+        type(self).count = 0.0
 
     def mixed(self, first, second=2.0):
         return first * 2.0 - second * self.a
@@ -83,6 +139,10 @@ class Base(Block):
     def fed(self, y):
         z = y * 0.5
         return z + self.n
+
+    def counted(self, y):
+        type(self).count += y
+        return self.count
 
     def drawn(self, state):
         return state.rng.random()

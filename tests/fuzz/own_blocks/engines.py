@@ -15,7 +15,7 @@ import numpy as np
 
 import runtime
 from blocks.core import BlockState
-from runtime.engine import Engine, Outcome
+from runtime.engine import Engine, Outcome, adopt, carried
 from runtime.engine.compiled import CheckedRunner, CompiledRunner
 from runtime.engine.compiled.runner import template
 from runtime.engine.state import seed_of
@@ -25,9 +25,11 @@ from tests.fuzz.own_blocks.base import DT, V, X
 from tests.fuzz.own_blocks.generator import Program
 
 TICKS = len(X)
+HALF = TICKS // 2
 STATES = ("r", "h", "g", "s")
 ROUNDING = 1e-9
 RUNNERS: dict[str, Any] = {"compiled": CompiledRunner, "checked": CheckedRunner}
+OTHERS = {"SCALE": 0.125, "COUNT": 4}
 BLOCK = re.compile(r"'(P\w+)'")
 
 
@@ -95,16 +97,17 @@ class Batch:
             "probes": {f"{name}_out": f"{name}.out" for name in names}
             | {f"{name}_r": f"{name}.r" for name in updates},
         }
-        self.program = runtime.load(document).check().prepared().program
+        graph = runtime.load(document).check()
+        self.program = graph.prepared().program
+        self.growing = graph.prepared(growing=True).program
         feed: Any = type(self.program.network.entries["feed"].block)
-        self.setup: dict[str, Any] = feed.output.__globals__["SETUP"]
+        self.scope: dict[str, Any] = feed.output.__globals__
+        self.setup: dict[str, Any] = self.scope["SETUP"]
         self.notes: list[str] = []
 
     def engine(self, kind: str, active: Iterable[str]) -> Engine:
         """An engine; blocks that are not active do nothing."""
-        there = set(active)
-        for name, program in self.programs.items():
-            self.setup[name] = (program.begin if name in there else 1e9, program.first)
+        self.set_up(active)
         engine = Bare if kind == "compiled" else Engine
         return engine(self.program, 0, RUNNERS.get(kind), self.notes.append)
 
@@ -114,8 +117,55 @@ class Batch:
         with np.errstate(all="ignore"):
             return engine, engine.run(None)
 
+    def branched(self, active: Sequence[str]) -> list[Difference]:
+        """What a run that goes back, its branch, or it afterwards does differently from Python."""
+        is_shared = any(self.programs[name].is_shared for name in active)
+        expected = self.run("python", active)
+        found: dict[str, Difference] = {}
+        for kind, runner in (("python", None), *RUNNERS.items()):
+            self.set_up(active)
+            engines = {"original": Engine(self.growing, 0, runner, self.notes.append)}
+            if not is_shared:
+                engines["branch"] = Engine(self.growing, 0, runner, self.notes.append)
+            with np.errstate(all="ignore"):
+                for engine in engines.values():
+                    engine.prepare()
+                one = engines["original"]
+                one.advance(HALF)
+                saved = one.state.snapshot()
+                one.runner.run(HALF, HALF + 2, one.state.held)
+                one.state.restore(saved)
+                if not is_shared:
+                    adopt(engines["branch"], carried(one))
+                for engine in reversed(engines.values()):
+                    engine.advance(TICKS)
+            for what, engine in engines.items():
+                for name in active:
+                    ends = ended(name, *expected), ended(name, engine, engine.finish())
+                    difference = different(self.programs[name], f"{what}, {kind}", *ends)
+                    if difference is not None:
+                        found.setdefault(name, difference)
+        return list(found.values())
+
+    def set_up(self, active: Iterable[str]) -> None:
+        """Let these programs do something from the next start on."""
+        there = set(active)
+        for name, program in self.programs.items():
+            self.setup[name] = (program.begin if name in there else 1e9, program.first)
+
     def refused(self) -> dict[str, str]:
-        """The programs that are called from Python, with the reason."""
+        """The programs that are called from Python, with the reason.
+
+        Globals have other values meanwhile, which compiled code must not keep.
+        """
+        before = {key: self.scope[key] for key in OTHERS}
+        self.scope |= OTHERS
+        try:
+            return self._refused()
+        finally:
+            self.scope |= before
+
+    def _refused(self) -> dict[str, str]:
         engine = self.engine("python", ())
         engine.prepare()
         kernels = template(self.program, engine.state.blocks, self.notes.append).kernels

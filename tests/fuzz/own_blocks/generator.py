@@ -1,8 +1,8 @@
 """Random programs: methods of own blocks, made of forms.
 
 The forms are in text files beside this one: expressions by type, statements, statements that record
-something (``records``), and whole programs that are tried first (``directed``). In a form, ``{f}``
-stands for an expression of a type:
+something (``records``), those that use memory beside the declared states (``memory``), and whole
+programs that are tried first (``directed``). In a form, ``{f}`` stands for an expression of a type:
 
     f, F   a float of Python, a number of NumPy (float64)
     i, I   an integer of Python, of NumPy (int64)
@@ -42,11 +42,13 @@ def _by_type(text: str) -> dict[str, list[str]]:
 HOLE = re.compile(r"\{\{|\}\}|\{(\w+)\}")
 OPERATORS = (ast.BinOp, ast.BoolOp, ast.Compare, ast.UnaryOp, ast.IfExp)
 EXPRESSIONS = _by_type(_forms("expressions"))
-STATEMENTS, RECORDS, DIRECTED = (
-    _forms(name).split("\n\n") for name in ("statements", "records", "directed")
+STATEMENTS, RECORDS, DIRECTED, MEMORY = (
+    _forms(name).split("\n\n") for name in ("statements", "records", "directed", "memory")
 )
 # What writes into a state, in a form that an output has no use for.
 WRITES = re.compile(r"^ *(np\.\w+\()?state\.|changed|swapped|= state|in state\.g", re.MULTILINE)
+# What changes memory that all runs share.
+SHARED = re.compile(r"bumped|summed|counted")
 ANY = {"s": "fffFFiiIbB", "S": "fF", "e": "AAKQ"}
 LITERALS = ("0.0", "1.0", "-1.0", "0.5", "2.5", "-0.75", "3.0", "1.5", "1e308", "2", "-0.0", "8.0")
 NAMES = {
@@ -89,6 +91,11 @@ class Program:
             f'class {self.name}({BASES[self.method]}):\n    """Random."""\n\n'
             f"    def {self.method}(self, state, t, x, v):\n{inside}\n"
         )
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether it changes memory that all runs share, so that it cannot be branched."""
+        return any(map(SHARED.search, self.statements))
 
     @property
     def body(self) -> Program:
@@ -151,6 +158,9 @@ class Maker:
         made: list[str] = []
         for _ in range(self.draw.choice((0, 1, 1, 2, 2, 3, 4))):
             made += self.statement(self.draw.choice(self.allowed(STATEMENTS)), 2)
+        if self.method == "update" and self.draw.random() < 0.2:
+            for _ in range(self.draw.choice((1, 2, 3))):
+                made += self.statement(self.draw.choice(MEMORY), 1)
         for kinds, form in READS.items():
             names = [name for kind in kinds for name in self.scope[kind]]
             made += [form.format(self.draw.choice(names))] if names else []

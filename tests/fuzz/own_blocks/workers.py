@@ -47,6 +47,7 @@ def examined(programs: Sequence[Program], ways: dict[str, str]) -> Report:
         alone = any(ways.values())
         groups = [[p.name] for p in programs] if alone else [[p.name for p in programs]]
         differences = [each for group in groups for each in batch.compared(group)]
+        differences += [] if alone or differences else batch.branched(groups[0])
     differing = {each.program.name for each in differences}
     outcomes = {}
     for program in programs:
@@ -105,7 +106,9 @@ class Worker:
         whole = Report({name: "endless" for name, way in ways.items() if way == "endless"})
         steady = [p for p in programs if not ways[p.name]]
         failing = [p for p in programs if ways[p.name] not in ("", "endless")]
-        for group, size in ((steady, TOGETHER), (failing, FAILING)):
+        shared = [each for each in steady if each.is_shared]
+        apart = [each for each in steady if not each.is_shared]
+        for group, size in ((apart, TOGETHER), (shared, TOGETHER), (failing, FAILING)):
             for first in range(0, len(group), size):
                 whole.add(self.sent(group[first : first + size], ways))
         return whole
