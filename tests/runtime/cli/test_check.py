@@ -64,7 +64,8 @@ def file(tmp_path: Path) -> str:
 def test_each_block_is_checked(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["check", file, "Twice", "Scaled", "--set", "factor=2.5", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["blocks"]
-    assert found["Twice"] == {"status": "fine", "problems": [], "called_from_python": []}
+    fine = {"status": "fine", "problems": [], "called_from_python": [], "not_copied": []}
+    assert found["Twice"] == fine
     (reason,) = found["Scaled"]["called_from_python"]
     assert reason.startswith("Scaled.output is not compiled: state.table is a dict (")
     assert "own.py:" in reason
@@ -116,3 +117,52 @@ def test_a_file_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -
 def test_a_graph_is_checked_by_another_verb(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["check", "my.yaml"]) == 2
     assert "expected a Python file; 'runtime validate' checks a graph" in capsys.readouterr().err
+
+
+KEEPS = '''import threading
+from blocks import Block, Input, Output, Scalar
+
+LINES = iter(["a", "b"])
+
+
+class Twice(Block):
+    """Twice the input, beside {what}."""
+
+    x = Input(Scalar)
+    out = Output(Scalar)
+
+    def start(self, state):
+        {start}
+
+    def output(self, state, t, x):
+        return 2.0 * x
+
+    def update(self, state, t, x):
+        {update}
+'''
+
+
+@pytest.mark.parametrize(
+    ("start", "update", "where"),
+    [
+        ("state.view = memoryview(bytearray(2))", "state.view[0] = 1", "state.view"),
+        ("state.lock = threading.Lock()", "state.lock.locked()", "state.lock"),
+        ("state.k = (k for k in range(9))", "next(state.k)", "state.k"),
+        ("pass", "next(LINES, None)", "the global 'LINES'"),
+        ("state.add = [].append", "state.add(x)", ""),
+    ],
+)
+def test_memory_that_cannot_be_copied_is_a_warning(
+    start: str, update: str, where: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(KEEPS.format(what="what it keeps", start=start, update=update))
+    assert cli.run(["check", str(path), "--json"]) == 0
+    (facts,) = json.loads(capsys.readouterr().out)["blocks"].values()
+    assert facts["status"] == "fine"
+    if not where:
+        assert facts["not_copied"] == []
+        return
+    (text,) = facts["not_copied"]
+    assert text.startswith(f"Twice keeps in {where} what cannot be copied (")
+    assert text.endswith("such a block is not compared, not branched and not checkpointed")
