@@ -19,6 +19,7 @@ from runtime.experiments.analysis import (
     SAME,
     SAME_RUNS,
     Tally,
+    chosen_among,
     interval,
     mean_of,
 )
@@ -41,6 +42,7 @@ from runtime.files import write_json
 from runtime.terminal import Progress, short, with_unit
 
 SPREAD = ", mean and 95 % interval over seeds"
+MEANS = ", mean over seeds"
 
 
 @dataclass
@@ -66,6 +68,7 @@ class SweepResult:
             "factors": factors,
             "seeds": str(plan.seeds),
             "objective": None if goal is None else {"metric": goal.metric, "goal": goal.goal},
+            "chosen_among": plan.total // len(plan.seeds),
             "best": [
                 {"values": dict(zip(factors, ranked.cells, strict=True))}
                 | ranked.objective.to_dict()
@@ -94,14 +97,18 @@ class SweepResult:
         goal = "smallest" if plan.objective.goal == "minimize" else "largest"
         metric = with_unit(plan.objective.metric, plan.units)
         same = [ranked.objective.is_same for ranked in tally.best]
-        lines.append(f"{goal} {metric}{'' if all(same) else SPREAD}:")
+        tried = plan.total // len(plan.seeds)
+        spread = SPREAD if tried == 1 else MEANS
+        lines.append(f"{goal} {metric}{'' if all(same) else spread}:")
         for ranked in tally.best:
             estimate = ranked.objective
             mean = mean_of(estimate, len(plan.seeds), tally.never)
-            ends = f"  {interval(estimate)}" if estimate.n > 1 else ""
+            ends = f"  {interval(estimate)}" if estimate.n > 1 and tried == 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
             configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
             lines.append(f"  {mean:<10}{ends}  {configuration}".rstrip())
+        if tried > 1 and not all(same):
+            lines.append(chosen_among(tried))
         return "\n".join([*lines, *[f"{SAME}: {SAME_RUNS}"] * any(same)])
 
 

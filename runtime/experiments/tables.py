@@ -27,6 +27,7 @@ from runtime.experiments.analysis import (
     SAME_RUNS,
     ComparisonLine,
     Estimate,
+    chosen_among,
     comparison_rows,
     gather,
     mean_of,
@@ -207,9 +208,12 @@ class SweepTable(_Table):
         if best is not None and self.objective is not None:
             goal = "smallest" if self.objective.goal == "minimize" else "largest"
             chosen = ", ".join(f"{path}={_cell(value)}" for path, value in best.values.items())
-            mean = self._mean(self.objective.metric, best.metrics[self.objective.metric])
+            found, count = best.metrics[self.objective.metric], len(self.configurations)
+            never = self.never.get(self.objective.metric, NEVER)
+            mean = mean_of(found, len(self.seeds), never, spread=count == 1)
             metric = with_unit(self.objective.metric, self.units)
             notes.append(f"{goal} {metric}: {mean} at {chosen or 'its only configuration'}")
+            notes += [chosen_among(count)] * (count > 1 and not found.is_same)
         estimates = [e for each in self.configurations for e in each.metrics.values()]
         notes += [HALF] * any(each.n > 1 for each in estimates)
         notes += [f"{SAME}: {SAME_RUNS}."] * any(each.is_same for each in estimates)

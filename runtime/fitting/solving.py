@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, IntArray
 from runtime.errors import GraphError, SimulationError, UsageError
 from runtime.experiments.design import Range, own_value
 from runtime.fitting.model import Model
+from runtime.fitting.noise import Noise, noise_of, variances
 
 # Steps of the differences, as a share of a range: in the search only the direction matters, and
 # one more run per number gives it; at the end central differences, whose error is their square.
@@ -30,7 +31,6 @@ SINGULAR = 1e-5
 # The share of a number in a direction from which on it is said to be part of it.
 INVOLVED = 0.01
 CORRELATED = 0.99
-EXACT = 1e-6  # of a signal's deviation: smaller differences come from the solver, not the data
 # Starts whose cost is within this share of the best one have reached the same minimum.
 SAME = 0.01
 # Of a run that fails, so that the search goes back; a measured signal has a scale of 1.
@@ -85,9 +85,8 @@ def fit_model(
 
     By scipy's ``least_squares`` (trust region reflective), from the graph's own numbers and from
     points of a Sobol sequence. Intervals are those of linear regression at the minimum (Seber and
-    Wild, Nonlinear Regression, section 5.1), with the variance of the residuals multiplied by
-    (1 + r)/(1 - r), where r is their correlation from one value to the next: values that follow
-    each other closely count as fewer.
+    Wild, Nonlinear Regression, section 5.1), with a variance of its own for each signal, and the
+    correlation of its residuals from one value to the next (:mod:`runtime.fitting.noise`).
 
     Parameters
     ----------
@@ -239,49 +238,42 @@ class _Judged:
                 spread = math.exp(half[i] * math.log(each.high / each.low))
                 low, high = value / spread, value * spread
             parameters.append(Parameter(each.path, value, low, high, at_end))
-        if self._correlation() > 0.2:
+        seen = max(noise.seen for noise in self._noises)
+        if seen > 0.2:
             notes.append(
-                f"each difference is like the one before it (r = {self._correlation():.2f}): the "
+                f"each difference is like the one before it (r = {seen:.2f}): the "
                 "graph lacks something that is in the data; the intervals take it into account"
             )
         pairs = zip(self._parts(), self.model.series, strict=True)
         simulated = tuple(series.values + part * series.scale for part, series in pairs)
-        return Fit(
-            self.model, tuple(parameters), simulated, tuple(costs), self._effective(), tuple(notes)
-        )
+        effective = sum(noise.independent for noise in self._noises)
+        return Fit(self.model, tuple(parameters), simulated, tuple(costs), effective, tuple(notes))
 
-    def _correlation(self) -> float:
-        """Of a residual with the next one of its series; 0 for errors of the solver."""
-        products = total = 0.0
-        for part in self._parts():
-            products += float(part[1:] @ part[:-1])
-            total += float(part @ part)
-        return max(0.0, products / total) if total > EXACT**2 * len(self.residuals) else 0.0
+    @property
+    def _ends(self) -> IntArray:
+        return np.cumsum([len(series.t) for series in self.model.series])[:-1]
 
     def _parts(self) -> list[FloatArray]:
-        ends = np.cumsum([len(series.t) for series in self.model.series])[:-1]
-        return np.split(self.residuals, ends)
+        return np.split(self.residuals, self._ends)
 
-    def _effective(self) -> float:
-        r = min(self._correlation(), 0.999)
-        return len(self.residuals) * (1.0 - r) / (1.0 + r)
+    @cached_property
+    def _noises(self) -> list[Noise]:
+        """Of each series."""
+        slopes = np.split(self.slopes, self._ends)
+        return [noise_of(*each) for each in zip(self._parts(), slopes, strict=True)]
 
     def _half_widths(self) -> FloatArray:
         """Half of each confidence interval of u; infinite along what the data do not determine."""
         from scipy.stats import t
 
-        sizes, directions = self._directions()
-        spread = np.zeros(len(self.u))  # the diagonal of the inverse of slopes' @ slopes
-        for size, direction in zip(sizes, directions, strict=True):
-            if size > SINGULAR * max(sizes[0], 1e-300):
-                spread += (direction / size) ** 2
-            else:
-                spread[np.abs(direction) > INVOLVED] = math.inf
-        count, effective = len(self.residuals), self._effective()
-        variance = float(self.residuals @ self.residuals) / max(count - len(self.u), 1)
-        free = max(effective - len(self.u), 1.0)
-        share = float(t.ppf(0.5 + CONFIDENCE / 2.0, free))
-        return share * np.sqrt(variance * count / effective * spread)
+        left, sizes, directions = np.linalg.svd(self.slopes, full_matrices=False)
+        is_seen = sizes > SINGULAR * max(sizes[0], 1e-300)
+        inverse = (left[:, is_seen] / sizes[is_seen]) @ directions[is_seen]
+        spread, free = variances(self._noises, np.split(inverse, self._ends))
+        half: FloatArray = t.ppf(0.5 + CONFIDENCE / 2.0, free) * np.sqrt(spread)
+        for direction in directions[~is_seen]:
+            half[np.abs(direction) > INVOLVED] = math.inf
+        return half
 
     def _directions(self) -> tuple[FloatArray, FloatArray]:
         """How much the residuals change along each of the directions of u, largest first."""

@@ -17,6 +17,7 @@ from runtime.experiments.analysis import (
     SweepData,
     Tally,
     TrialGroup,
+    chosen_among,
     gather,
     read_sweep,
 )
@@ -76,7 +77,7 @@ def sweep_report(folder: Path) -> str:
     swept = _read(folder)
     configurations = swept.total // max(1, swept.data.seeds)
     best = {ranked.cells: i for i, ranked in enumerate(swept.tally.best)}
-    is_few = len(best) < configurations <= FEW
+    is_few = 1 < configurations <= FEW
     sections = {
         "Best configurations": _table(swept, best, "best configurations") if best else Html(""),
         "Figures": join(*_figures(swept)),
@@ -120,7 +121,11 @@ def _found(swept: _Sweep) -> str:
         return ""
     unit = swept.data.units.get(goal.metric, "")
     mean = best[0].objective.mean
-    return of_sweep(swept.factors, best[0].cells, goal.metric, goal.goal, mean, unit)
+    text = of_sweep(swept.factors, best[0].cells, goal.metric, goal.goal, mean, unit)
+    tried = swept.total // swept.data.seeds
+    if tried < 2 or best[0].objective.is_same:
+        return text
+    return f"{text} It was {chosen_among(tried)}."
 
 
 def _facts(swept: _Sweep, configurations: int) -> Html:
@@ -150,7 +155,10 @@ def _wall(folder: Path) -> str:
 
 
 def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str) -> Html:
-    """A table of the best configurations or of all, with the mean and interval of each metric."""
+    """A table of the best configurations or of all, with the mean of each metric.
+
+    Of all, with its interval: that of the best of many would not cover what it is worth.
+    """
     groups = gather(swept.rows(), swept.data.seeds)
     if best is None:
         chosen = sorted(groups, key=lambda group: group.number)
@@ -159,17 +167,21 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
         chosen = sorted(best_groups, key=lambda group: best[group.cells])[: len(best)]
     head = [*swept.factors, "ok"]
     for metric in swept.shown:
-        head += [swept.data.label(metric), f"{metric}: 95 % interval"]
-    rows = [_configuration(swept, group) for group in chosen]
+        head += [swept.data.label(metric)]
+        head += [f"{metric}: 95 % interval"] * (best is None)
+    rows = [_configuration(swept, group, best is None) for group in chosen]
     numbers = range(len(swept.factors), len(head))
     words = "Means and intervals are over the seeds; n/N: only n of the N seeds have a value."
+    if best is not None:
+        words = "Means are over the seeds; n/N: only n of the N seeds have a value. The best are "
+        words += f"{chosen_among(swept.total // swept.data.seeds)}."
     if swept.data.seeds > 1 and swept.data.is_same(swept.metrics):
         words = f"{SAME}: {SAME_RUNS}."
     note = element("p", words, class_="soft small")
     return join(table(head, rows, numbers, label=label), note)
 
 
-def _configuration(swept: _Sweep, group: TrialGroup) -> list[str]:
+def _configuration(swept: _Sweep, group: TrialGroup, with_interval: bool) -> list[str]:
     ok = sum(row.status == "ok" for row in group.rows)
     data = swept.data
     cells = [*map(short, group.cells), f"{ok}/{data.seeds}"]
@@ -177,7 +189,7 @@ def _configuration(swept: _Sweep, group: TrialGroup) -> list[str]:
         ends = data.ends.get(metric, ANY)
         estimate = group.estimate(swept.metrics.index(metric), ends).to_dict()
         cells += [pieces.mean(estimate, data.seeds, data.never.get(metric, NEVER))]
-        cells += [pieces.interval(estimate["low"], estimate["high"])]
+        cells += [pieces.interval(estimate["low"], estimate["high"])] * with_interval
     return cells
 
 

@@ -51,6 +51,7 @@ from runtime.experiments.analysis.words import (
     TOO_FEW,
     UNRANKED,
     apart,
+    chosen_among,
     interval,
     lost,
     mean_of,

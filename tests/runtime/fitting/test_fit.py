@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
 
 import runtime
 from blocks.core import FloatArray
+from runtime.fitting.noise import noise_of, variances
 from tests.conftest import Run
 
 LINE = {
@@ -85,6 +87,39 @@ def test_intervals_contain_the_true_number_as_often_as_they_say() -> None:
         hits += slope.low <= -1.2 <= slope.high
     # 95 % of 200 are 190; six standard deviations of a binomial count are 18.
     assert hits >= 172
+
+
+def test_the_sandwich_is_that_of_dense_matrices() -> None:
+    """J and V written out, with the noise that was estimated of each signal."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 1.0, 40)
+    slopes = [np.column_stack([np.ones(40), t]), np.column_stack([np.ones(40), t**2])]
+    residuals = [0.1 * rng.standard_normal(40), np.cumsum(rng.standard_normal(40))]
+    noises = [noise_of(*each) for each in zip(residuals, slopes, strict=True)]
+    assert noises[1].variance > 50.0 * noises[0].variance and noises[1].correlation > 0.5
+    inverse = np.linalg.pinv(np.vstack(slopes))
+    dense = [
+        one.variance * one.correlation ** np.abs(np.subtract.outer(range(40), range(40)))
+        for one in noises
+    ]
+    expected = np.diag(inverse @ block_diag(*dense) @ inverse.T)
+    found, free = variances(noises, np.split(inverse.T, 2))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    # Nearly all of it is of the second signal, and so are the degrees of freedom.
+    np.testing.assert_allclose(free, noises[1].free, rtol=0.05)
+
+
+def test_one_signal_of_white_noise_has_the_variance_of_linear_regression() -> None:
+    t = np.linspace(0.0, 1.0, 60)
+    y = np.random.default_rng(11).standard_normal(60)
+    y = np.where(np.arange(60) % 2, y, -np.abs(y))  # each unlike the one before: r = 0
+    known, slopes = stats.linregress(t, y), np.column_stack([np.ones(60), t])
+    residuals = y - known.intercept - known.slope * t
+    noise = noise_of(residuals, slopes)
+    assert noise.correlation == 0.0 and noise.free == 58.0
+    found, _ = variances([noise], [np.linalg.pinv(slopes).T])
+    expected = [known.intercept_stderr**2, known.stderr**2]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_it_finds_what_made_the_data(arm: Path) -> None:
