@@ -15,17 +15,20 @@ STEP = 0.01  # m between samples of a curve
 MOST = 600  # steps along all curves of a scan
 SMOOTHING = 0.01  # of least-squares fits, see blocks.bspline.fit
 CALM = 4  # samples on either side from which a curve's tangents are computed
+ALONG = 0.08  # m on either side from which the direction of travel is computed
 
 
 @dataclass(frozen=True)
 class WallCurve:
     """A stretch of wall, sampled about every centimetre.
 
-    position : m, (n, 2).  tangent : unit vectors, (n, 2).
+    position : m, (n, 2).  tangent : unit vectors, (n, 2).  travel : the same over so long a stretch
+    that noise does not turn it back, (n, 2).
     """
 
     position: FloatArray
     tangent: FloatArray
+    travel: FloatArray
 
 
 def wall_curves(
@@ -53,7 +56,8 @@ def wall_curves(
         if length < shortest:
             # A post: its direction is noise, so it is taken perpendicular to the beam.
             post = points[a:b].mean(axis=0)[None]
-            curves.append(WallCurve(post, unit(left(post))))
+            around = unit(left(post))
+            curves.append(WallCurve(post, around, around))
             continue
         if spacing is None:
             spline = BSpline(means[c:d], min(degree, d - c - 1))
@@ -64,7 +68,8 @@ def wall_curves(
         each = max(2, round((bin_length if spacing is None else spacing) / step))
         position = spline.positions(each * len(spline.points))
         # Not the curve's own tangents, which are the most sensitive to noise.
-        curves.append(WallCurve(position, tangents(position, CALM)))
+        travel = tangents(position, max(CALM, round(ALONG * len(position) / length)))
+        curves.append(WallCurve(position, tangents(position, CALM), travel))
     return curves
 
 
@@ -83,18 +88,18 @@ def offset_pieces(
 
     Returns
     -------
-    Pieces of line, (n, 2) each with n > 2, in the order of the walls.
+    Pieces of rows, (n, 4) each with n > 2, in the order of the walls.
     """
     rows = []
     for curve, (begin, end) in zip(curves, chains.edges.tolist(), strict=True):
         position, tangent = curve.position, curve.tangent
-        row = [position + distance * left(tangent)]
+        row = [np.column_stack((position + distance * left(tangent), curve.travel))]
         if begin:
             row.insert(0, cap(position[0], tangent[0], distance, 2.0 * STEP, begin=True))
         if end:
             row.append(cap(position[-1], tangent[-1], distance, 2.0 * STEP, begin=False))
         rows.append(np.concatenate(row))
-    points = np.concatenate(rows)
+    points = np.concatenate(rows)[:, :2]
     wall = np.concatenate([curve.position[::2] for curve in curves])
     clear = nearest(points, wall) >= distance - trim
     clear &= ~returns.hide(points, incidence)

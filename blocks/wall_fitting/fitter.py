@@ -52,6 +52,7 @@ from blocks.wall_fitting.kernels.curves import (
     wall_curves_kernel,
 )
 from blocks.wall_fitting.kernels.fitter import (
+    against_kernel,
     ahead,
     between,
     copied,
@@ -59,6 +60,7 @@ from blocks.wall_fitting.kernels.fitter import (
     placed,
     shown,
     sound,
+    with_ends,
 )
 from blocks.wall_fitting.kernels.offset import (
     filleted_kernel,
@@ -66,7 +68,15 @@ from blocks.wall_fitting.kernels.offset import (
     onward_kernel,
     stretch_kernel,
 )
-from blocks.wall_fitting.offset import filleted, followed, onward, resampled, stretch
+from blocks.wall_fitting.offset import (
+    END,
+    against,
+    filleted,
+    followed,
+    onward,
+    resampled,
+    stretch,
+)
 
 CALM = 0.05  # m between control points that smooth the offset before its kinks are rounded
 FLAT = 0.003  # m by which the smoothed offset may vary without counting as a kink
@@ -74,6 +84,7 @@ MARGIN = 0.05  # m by which the path's spline is longer than the path, at each e
 SHARP = 3.0  # times 1 / spacing: largest curvature that the path's control points can represent
 CLEAR = 5  # rows to leave out around a place that is too sharp
 BEYOND = 0.5  # m of offset used beyond the path's ends
+BESIDE = 0.25  # times distance: how far a row may be from the offset that it follows
 
 
 class WallFitter(Block):
@@ -226,35 +237,42 @@ class WallFitter(Block):
         spacing = self.wall_spacing if self.form == "least_squares" else None
         curves = wall_curves(chains, self.degree, self.bin, spacing)
         pieces = offset_pieces(curves, chains, returns, self.distance, self.trim, limit)
-        line = self._line(pieces) if pieces else None
-        return curves, None if line is None else self.reference(line)
+        rows = self._joined(pieces) if pieces else pieces
+        if not len(rows):
+            return curves, None
+        return curves, self.reference(self._line(rows), rows)
 
-    def _line(self, pieces: list[FloatArray]) -> FloatArray | None:
-        """Join the pieces to follow into a line near the robot, smooth and fillet it."""
-        line = onward(followed(pieces, self.bridge))
+    def _joined(self, pieces: list[FloatArray]) -> FloatArray:
+        """Join the pieces to follow near the robot; no rows if that is too short."""
+        rows = onward(followed(pieces, self.bridge))
+        line = rows[:, :2]
         arc = arc_length(line)
         here = arc[int(np.einsum("ij,ij->i", line, line).argmin())]
         ahead = self.samples * self.step - self.behind
-        line = line[(arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)]
-        length = float(arc_length(line)[-1])
-        if length < self.shortest:
-            return None
+        rows = rows[(arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)]
+        return rows if float(arc_length(rows[:, :2])[-1]) >= self.shortest else rows[:0]
+
+    def _line(self, rows: FloatArray) -> FloatArray:
+        """The rows to follow as a line, smooth and filleted."""
         # Straight ends, so that a kink has room for its fillet even if the wall behind it is no
-        # longer in the window.
-        room = 2.0 * self.fillet
-        length += 2.0 * room
+        # longer in the window. They go along the wall: a noisy line's last points do not.
+        room = max(END, 2.0 * self.fillet)
+        first, last = rows[0, :2] - room * rows[0, 2:], rows[-1, :2] + room * rows[-1, 2:]
+        line = np.vstack((first, rows[:, :2], last))
+        length = float(arc_length(line)[-1])
         # In steps of four, so that matrices are cached.
         n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
-        even = stretch(line, -room, length, 5 * n)
+        even = resampled(line, 5 * n)
         calm = fit_even(even, n, self.degree).positions(5 * n)
         even = resampled(calm, max(4, round(length / STEP)))
         return filleted(even, self.fillet, STEP, FLAT)
 
-    def reference(self, line: FloatArray) -> Samples | None:
+    def reference(self, line: FloatArray, rows: FloatArray) -> Samples | None:
         """Fit the reference spline to a line and sample it evenly, in the robot's frame.
 
-        Where it turns about a point, as the fit to an offset that noise has folded may do, it
-        ends and goes on straight; None if little is left of it near the robot.
+        Where it turns about a point, as the fit to an offset that noise has folded may do, or runs
+        against the direction of travel of the ``rows`` that it follows, it ends and goes on
+        straight; None if little is left of it near the robot.
         """
         length = self._length
         n = control_points(length, self.spacing, self.degree)
@@ -266,12 +284,13 @@ class WallFitter(Block):
             # A cusp may lie between two rows: then it shows in their directions alone.
             turn = np.abs(np.diff(sampled.theta, append=sampled.theta[-1])) / self.step
             bend = np.maximum(np.abs(sampled.kappa), turn)
-            sharp = np.flatnonzero(bend > SHARP / self.spacing)
-            if not len(sharp):
+            wrong = bend > SHARP / self.spacing
+            wrong |= against(sampled.position, sampled.theta, rows, BESIDE * self.distance)
+            if not wrong.any():
                 return sampled
-            nearby = round(self.behind / self.step)
-            low = max((k + CLEAR for k in sharp.tolist() if k <= nearby), default=0)
-            high = min((k - CLEAR for k in sharp.tolist() if k > nearby), default=self.samples)
+            nearby, places = round(self.behind / self.step), np.flatnonzero(wrong).tolist()
+            low = max((k + CLEAR for k in places if k <= nearby), default=0)
+            high = min((k - CLEAR for k in places if k > nearby), default=self.samples)
             if (high - low) * self.step < self.shortest:
                 return None
             line = sampled.position[low:high]
@@ -323,7 +342,8 @@ class WallFitter(Block):
         rows, stops = offset_rows(curves, ends, edges, self.distance)
         closest = self.distance - self.trim
         pieces = offset_pieces_kernel(rows, stops, curves, ends, returns, closest, state.limit)
-        path = self._reference_rows(state, self._line_rows(rows, pieces))
+        joined = self._joined_rows(rows, pieces)
+        path = self._reference_rows(state, self._line_rows(joined), joined)
         mirror = -1.0 if self.side == "left" else 1.0
         if len(path) > 0:
             return placed(path, pose, mirror), shown(curves, self.wall_points, pose, mirror), 1.0
@@ -332,28 +352,33 @@ class WallFitter(Block):
         path = placed(ahead(self.samples, self.step, self.behind), pose, mirror)
         return path, shown(np.zeros((1, 4)), self.wall_points, pose, mirror), 0.0
 
-    def _line_rows(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
-        """Join the pieces (first and past-the-last of the rows) into a line; empty if too short."""
-        line = onward_kernel(followed_kernel(rows, pieces, self.bridge))
-        arc = arc_length_kernel(line)
-        here = arc[nearest_row(line)] if len(line) > 0 else 0.0
+    def _joined_rows(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
+        """Join the pieces (first and past-the-last of the rows); no rows if that is too short."""
+        rows = onward_kernel(followed_kernel(rows, pieces, self.bridge))
+        arc = arc_length_kernel(rows)
+        here = arc[nearest_row(rows)] if len(rows) > 0 else 0.0
         onward = self.samples * self.step - self.behind
-        line = between(line, arc, here - self.behind - BEYOND, here + onward + BEYOND)
+        rows = between(rows, arc, here - self.behind - BEYOND, here + onward + BEYOND)
+        arc = arc_length_kernel(rows)
+        length = arc[-1] if len(rows) > 0 else 0.0
+        return rows if length >= self.shortest else rows[:0]
+
+    def _line_rows(self, rows: FloatArray) -> FloatArray:
+        """The joined rows as a line, smoothed and filleted."""
+        if len(rows) == 0:
+            return np.zeros((0, 2))
+        line = with_ends(rows, max(END, 2.0 * self.fillet))
         arc = arc_length_kernel(line)
-        length = arc[-1] if len(line) > 0 else 0.0
-        if length < self.shortest:
-            return line[:0]
-        room = 2.0 * self.fillet
-        length += 2.0 * room
+        length = arc[-1]
         n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
-        even = stretch_kernel(line, arc, -room, length, 5 * n)
+        even = stretch_kernel(line, arc, 0.0, length, 5 * n)
         first, values = even_basis(n, self.degree, 5 * n)
         calm = positions(first, values, fit_kernel(first, values, even, n, 0.0))
         arc = arc_length_kernel(calm)
         even = stretch_kernel(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
         return filleted_kernel(even, self.fillet, STEP, FLAT)
 
-    def _reference_rows(self, state: BlockState, line: FloatArray) -> FloatArray:
+    def _reference_rows(self, state: BlockState, line: FloatArray, joined: FloatArray) -> FloatArray:
         """Rows of the reference spline along a line; none if little is left of it."""
         nearby = round(self.behind / self.step)
         for _ in range(3):
@@ -366,7 +391,8 @@ class WallFitter(Block):
             rows = sampled_evenly_kernel(
                 state.first, state.bands, points, self.step, self.samples, MARGIN
             )
-            low, high = sound(rows, self.step, SHARP / self.spacing, nearby, CLEAR)
+            wrong = against_kernel(rows, joined, BESIDE * self.distance)
+            low, high = sound(rows, wrong, self.step, SHARP / self.spacing, nearby, CLEAR)
             if low == 0 and high == self.samples:
                 return rows
             if (high - low) * self.step < self.shortest:

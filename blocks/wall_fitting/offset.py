@@ -1,7 +1,8 @@
 """From wall curves to a reference path: offset, trim, bridge, fillet, resample.
 
 A line is a polyline, an (m, 2) array of x and y (m) in the robot's frame, walked with the wall on
-the right; the robot is at the origin.
+the right; the robot is at the origin. Rows (m, 4) are points with the direction of travel along the
+wall that they lie beside, a unit vector: x, y, ux, uy.
 """
 
 from __future__ import annotations
@@ -17,8 +18,7 @@ from blocks.wall_fitting.bspline import arc_length, interpolate
 JOINT = 0.1
 SHARPEST = math.cos(math.radians(100.0))
 END = 0.08
-REACH = 8  # points on either side from which a line's direction is computed
-BLUR = 3  # the same, before kinks are rounded
+BLUR = 3  # points on either side from which a line's direction is computed to round its kinks
 
 
 def left(direction: FloatArray) -> FloatArray:
@@ -59,7 +59,7 @@ def nearest(points: FloatArray, others: FloatArray) -> FloatArray:
 def cap(
     end: FloatArray, tangent: FloatArray, distance: float, step: float, begin: bool
 ) -> FloatArray:
-    """Offset points around an edge, where a wall ends and beams pass it, (n, 2).
+    """Offset rows around an edge, where a wall ends and beams pass it, (n, 4).
 
     The rest of the wall is hidden behind the beam that passes the edge, so the wall turns by at
     least the angle between beam and tangent there. Over that angle the level set follows a circle
@@ -80,7 +80,8 @@ def cap(
     turned = np.linspace(0.0, sweep, math.ceil(sweep * distance / step) + 1)[1:]
     normal = math.atan2(tx, -ty)
     angle = normal + turned[::-1] if begin else normal - turned
-    return end + distance * directions(angle)
+    outward = directions(angle)
+    return np.column_stack((end + distance * outward, outward[:, 1], -outward[:, 0]))
 
 
 def runs(mask: BoolArray) -> list[tuple[int, int]]:
@@ -91,12 +92,12 @@ def runs(mask: BoolArray) -> list[tuple[int, int]]:
 
 
 def followed(pieces: list[FloatArray], bridge: float) -> FloatArray:
-    """The piece of line nearest to the robot, joined with those that it links to.
+    """The piece of rows nearest to the robot, joined with those that it links to.
 
     On either side the piece at the smallest gap is next, see :func:`gap`. Pieces between them are
     left out: they belong to another object.
     """
-    away = [float(np.einsum("ij,ij->i", piece, piece).min()) for piece in pieces]
+    away = [float((piece[:, 0] ** 2 + piece[:, 1] ** 2).min()) for piece in pieces]
     # Pieces of a few points are joined, but never chosen as the one to follow.
     main = min(range(len(pieces)), key=lambda index: (len(pieces[index]) < 6, away[index]))
     chosen = [main]
@@ -112,11 +113,12 @@ def followed(pieces: list[FloatArray], bridge: float) -> FloatArray:
 
 
 def gap(before: FloatArray, after: FloatArray, bridge: float) -> float:
-    """Length (m) of the gap between the end of one line and the beginning of another.
+    """Length (m) of the gap between the end of one piece of rows and the beginning of another.
 
     Infinite beyond ``bridge`` (m), and where it would turn by more than 100 degrees at either end,
     except for gaps up to 10 cm, which are kinks of one contour.
     """
+    before, after = before[:, :2], after[:, :2]
     end, begin = before[-1], after[0]
     dx, dy = (begin - end).tolist()
     width = math.hypot(dx, dy)
@@ -130,20 +132,28 @@ def gap(before: FloatArray, after: FloatArray, bridge: float) -> float:
     return math.inf if any(turns) else width
 
 
-def onward(line: FloatArray, reach: int = REACH) -> FloatArray:
-    """A line without the points that step back behind an earlier one.
+def onward(rows: FloatArray) -> FloatArray:
+    """The rows (m, 4) without those that step back behind an earlier one.
 
-    Progress is measured along the direction over ``reach`` points on either side. Offsets of a
-    noisy curve fold back and forth by more than their spacing, which a path must not.
+    Progress is measured along the wall. Offsets of a noisy curve fold back and forth by more than
+    their spacing, which a path must not: a fold's own direction is that of its way back.
     """
-    if len(line) < 3:
-        return line
-    direction = tangents(line, reach)
-    step = line[1:] - line[:-1]
-    progress = np.cumsum(np.einsum("ij,ij->i", step, direction[1:] + direction[:-1]))
+    step, along = rows[1:, :2] - rows[:-1, :2], rows[1:, 2:] + rows[:-1, 2:]
+    progress = np.cumsum(np.einsum("ij,ij->i", step, along))
     furthest = np.maximum.accumulate(np.concatenate(([0.0], progress)))
     ahead = np.concatenate(([True], progress > furthest[:-1]))
-    return line[ahead]
+    return rows[ahead]
+
+
+def against(line: FloatArray, heading: FloatArray, rows: FloatArray, near: float) -> BoolArray:
+    """Whether points (n, 2) that lie on the rows (m, 4) head against the direction of travel there.
+
+    ``heading`` is the points' (rad, (n,)); on the rows is what is within ``near`` (m) of one.
+    """
+    square = (line[:, :1] - rows[:, 0]) ** 2 + (line[:, 1:] - rows[:, 1]) ** 2
+    beside = square.argmin(axis=1)
+    on = square[np.arange(len(line)), beside] < near * near
+    return np.asarray(on & (np.einsum("ij,ij->i", directions(heading), rows[beside, 2:]) < 0.0))
 
 
 def filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from blocks.core import BoolArray, FloatArray, IntArray
 from blocks.wall_fitting.bspline import control_points
-from blocks.wall_fitting.curves import CALM, MOST, SMOOTHING, STEP
+from blocks.wall_fitting.curves import ALONG, CALM, MOST, SMOOTHING, STEP
 from blocks.wall_fitting.kernels.bspline import even_basis, fit_kernel, positions, spread
 from blocks.wall_fitting.kernels.offset import cap_kernel, nearest_kernel, tangents_kernel, unit
 
@@ -74,13 +74,14 @@ def wall_curves_kernel(
 ) -> tuple[FloatArray, IntArray]:
     """The curves of all chains and their bounds, from their control points and their bounds.
 
+    A curve's rows are position, tangent and direction of travel, (n, 6).
     ``each`` samples for a control point; a chain shorter than ``shortest`` (m) is a post.
     """
     ends = np.zeros(len(bounds), np.int64)
     for c in range(len(bounds) - 1):
         n = first[c + 1] - first[c]
         ends[c + 1] = ends[c] + (1 if arc[bounds[c + 1] - 1] < shortest else each * n)
-    curves = np.empty((ends[-1], 4))
+    curves = np.empty((ends[-1], 6))
     for c in range(len(bounds) - 1):
         if arc[bounds[c + 1] - 1] < shortest:
             post(returns, bounds[c], bounds[c + 1], curves, ends[c])
@@ -89,11 +90,15 @@ def wall_curves_kernel(
         n = len(points)
         at, values = even_basis(n, min(degree, n - 1), each * n)
         position = positions(at, values, points)
-        tangent = tangents_kernel(position, min(CALM, each * n))
-        for i in range(len(position)):
+        m = each * n
+        tangent = tangents_kernel(position, min(CALM, m))
+        reach = max(CALM, round(ALONG * m / arc[bounds[c + 1] - 1]))
+        travel = tangents_kernel(position, min(reach, m))
+        for i in range(m):
             row = ends[c] + i
-            curves[row, 0], curves[row, 1] = position[i, 0], position[i, 1]
-            curves[row, 2], curves[row, 3] = tangent[i, 0], tangent[i, 1]
+            for d in range(2):
+                curves[row, d] = position[i, d]
+                curves[row, 2 + d], curves[row, 4 + d] = tangent[i, d], travel[i, d]
     return curves, ends
 
 
@@ -106,14 +111,15 @@ def post(returns: FloatArray, begin: int, stop: int, curves: FloatArray, row: in
     x, y = x / (stop - begin), y / (stop - begin)
     curves[row, 0], curves[row, 1] = x, y
     curves[row, 2], curves[row, 3] = unit(-y, x)
+    curves[row, 4], curves[row, 5] = curves[row, 2], curves[row, 3]
 
 
 def offset_rows(
     curves: FloatArray, bounds: IntArray, edges: BoolArray, distance: float
 ) -> tuple[FloatArray, IntArray]:
-    """Curves moved to the left and continued around edges: points (m, 2) and the curves' bounds."""
+    """Curves moved to the left and continued around edges: rows (m, 4) and the curves' bounds."""
     room = math.ceil(math.pi * distance / (2.0 * STEP))
-    rows = np.empty((len(curves) + 2 * len(edges) * room, 2))
+    rows = np.empty((len(curves) + 2 * len(edges) * room, 4))
     ends = np.zeros(len(bounds), np.int64)
     for c in range(len(edges)):
         n = ends[c]
@@ -122,6 +128,7 @@ def offset_rows(
         for i in range(bounds[c], bounds[c + 1]):
             rows[n, 0] = curves[i, 0] - distance * curves[i, 3]
             rows[n, 1] = curves[i, 1] + distance * curves[i, 2]
+            rows[n, 2], rows[n, 3] = curves[i, 4], curves[i, 5]
             n += 1
         if edges[c, 1]:
             n = cap_kernel(curves[bounds[c + 1] - 1], distance, 2.0 * STEP, -1.0, rows, n)

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray, PoseValue
+from blocks.core import BoolArray, FloatArray, PoseValue
 
 
 def nearest_row(line: FloatArray) -> int:
@@ -32,17 +32,33 @@ def between(line: FloatArray, arc: FloatArray, low: float, high: float) -> Float
     return line[first:last]
 
 
-def sound(
-    rows: FloatArray, step: float, sharpest: float, nearby: int, clear: int
-) -> tuple[int, int]:
-    """First and past-the-last row about row ``nearby`` that is ``clear`` rows from a sharp one.
+def against_kernel(path: FloatArray, rows: FloatArray, near: float) -> BoolArray:
+    """Which rows of a path (n, 4) lie on rows (m, 4) and head against the travel there, (n,)."""
+    result = np.zeros(len(path), np.bool_)
+    for k in range(len(path)):
+        beside, least = 0, math.inf
+        for i in range(len(rows)):
+            dx, dy = path[k, 0] - rows[i, 0], path[k, 1] - rows[i, 1]
+            square = dx * dx + dy * dy
+            if square < least:
+                beside, least = i, square
+        if least < near * near:
+            c, s = math.cos(path[k, 2]), math.sin(path[k, 2])
+            result[k] = c * rows[beside, 2] + s * rows[beside, 3] < 0.0
+    return result
 
-    Rows are x, y, theta, kappa; sharp is what bends or turns by more than ``sharpest`` (1/m).
+
+def sound(
+    rows: FloatArray, wrong: BoolArray, step: float, sharpest: float, nearby: int, clear: int
+) -> tuple[int, int]:
+    """First and past-the-last row about row ``nearby`` that is ``clear`` rows from a wrong one.
+
+    Rows are x, y, theta, kappa; wrong is also what bends or turns by more than ``sharpest`` (1/m).
     """
     low, high = 0, len(rows)
     for k in range(len(rows) - 1, -1, -1):
         turn = abs(rows[k + 1, 2] - rows[k, 2]) / step if k + 1 < len(rows) else 0.0
-        if max(abs(rows[k, 3]), turn) > sharpest:
+        if wrong[k] or max(abs(rows[k, 3]), turn) > sharpest:
             if k > nearby:
                 high = k - clear
             else:
@@ -55,6 +71,18 @@ def copied(rows: FloatArray, low: int, high: int) -> FloatArray:
     line = np.empty((high - low, 2))
     for i in range(high - low):
         line[i, 0], line[i, 1] = rows[low + i, 0], rows[low + i, 1]
+    return line
+
+
+def with_ends(rows: FloatArray, room: float) -> FloatArray:
+    """The positions of rows (m, 4), prolonged by ``room`` (m) along the travel, (m + 2, 2)."""
+    m = len(rows)
+    line = np.empty((m + 2, 2))
+    for c in range(2):
+        line[0, c] = rows[0, c] - room * rows[0, 2 + c]
+        for i in range(m):
+            line[i + 1, c] = rows[i, c]
+        line[m + 1, c] = rows[m - 1, c] + room * rows[m - 1, 2 + c]
     return line
 
 

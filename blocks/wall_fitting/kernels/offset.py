@@ -8,7 +8,7 @@ import numpy as np
 
 from blocks.core import FloatArray, IntArray
 from blocks.wall_fitting.kernels.bspline import interpolate_kernel
-from blocks.wall_fitting.offset import BLUR, END, JOINT, REACH, SHARPEST
+from blocks.wall_fitting.offset import BLUR, END, JOINT, SHARPEST
 
 
 def unit(x: float, y: float) -> tuple[float, float]:
@@ -46,7 +46,7 @@ def nearest_kernel(points: FloatArray, others: FloatArray) -> FloatArray:
 def cap_kernel(
     end: FloatArray, distance: float, step: float, side: float, rows: FloatArray, n: int
 ) -> int:
-    """Put points around an edge into ``rows`` from row ``n`` on; returns the row after them.
+    """Put rows around an edge into ``rows`` from row ``n`` on; returns the row after them.
 
     ``end`` is x, y, tx, ty of the wall's end; ``side`` is 1 where it begins, -1 where it ends.
     """
@@ -60,8 +60,9 @@ def cap_kernel(
         at = count + 1 - k if side > 0.0 else k
         turned = at * (sweep / count) if at < count else sweep
         angle = normal + side * turned
-        rows[n, 0] = x + distance * math.cos(angle)
-        rows[n, 1] = y + distance * math.sin(angle)
+        c, s = math.cos(angle), math.sin(angle)
+        rows[n, 0], rows[n, 1] = x + distance * c, y + distance * s
+        rows[n, 2], rows[n, 3] = s, -c
         n += 1
     return n
 
@@ -69,7 +70,7 @@ def cap_kernel(
 def followed_kernel(rows: FloatArray, pieces: IntArray, bridge: float) -> FloatArray:
     """The piece nearest to the robot, joined with those that it links to."""
     if len(pieces) == 0:
-        return np.empty((0, 2))
+        return np.empty((0, 4))
     main = main_piece(rows, pieces)
     chosen = np.zeros(len(pieces), np.bool_)
     for side in (1, -1):
@@ -80,14 +81,15 @@ def followed_kernel(rows: FloatArray, pieces: IntArray, bridge: float) -> FloatA
     total = 0
     for p in range(len(pieces)):
         total += pieces[p, 1] - pieces[p, 0] if chosen[p] else 0
-    line = np.empty((total, 2))
+    joined = np.empty((total, 4))
     n = 0
     for p in range(len(pieces)):
         if chosen[p]:
             for i in range(pieces[p, 0], pieces[p, 1]):
-                line[n, 0], line[n, 1] = rows[i, 0], rows[i, 1]
+                for c in range(4):
+                    joined[n, c] = rows[i, c]
                 n += 1
-    return line
+    return joined
 
 
 def main_piece(rows: FloatArray, pieces: IntArray) -> int:
@@ -132,21 +134,18 @@ def gap_kernel(rows: FloatArray, before: IntArray, after: IntArray, bridge: floa
     return width
 
 
-def onward_kernel(line: FloatArray) -> FloatArray:
-    """A line without the points that step back behind an earlier one."""
-    if len(line) < 3:
-        return line
-    direction = tangents_kernel(line, min(REACH, len(line)))
-    result = np.empty((len(line), 2))
-    result[0, 0], result[0, 1] = line[0, 0], line[0, 1]
-    progress, furthest, n = 0.0, 0.0, 1
-    for i in range(1, len(line)):
-        progress += (line[i, 0] - line[i - 1, 0]) * (direction[i, 0] + direction[i - 1, 0]) + (
-            line[i, 1] - line[i - 1, 1]
-        ) * (direction[i, 1] + direction[i - 1, 1])
-        if progress > furthest:
+def onward_kernel(rows: FloatArray) -> FloatArray:
+    """The rows (m, 4) without those that step back behind an earlier one."""
+    result = np.empty((len(rows), 4))
+    progress, furthest, n = 0.0, 0.0, 0
+    for i in range(len(rows)):
+        if i > 0:
+            dx, dy = rows[i, 0] - rows[i - 1, 0], rows[i, 1] - rows[i - 1, 1]
+            progress += dx * (rows[i, 2] + rows[i - 1, 2]) + dy * (rows[i, 3] + rows[i - 1, 3])
+        if i == 0 or progress > furthest:
             furthest = progress
-            result[n, 0], result[n, 1] = line[i, 0], line[i, 1]
+            for c in range(4):
+                result[n, c] = rows[i, c]
             n += 1
     return result[:n]
 

@@ -194,14 +194,17 @@ def test_nearest_is_brute_force(seed: int) -> None:
 def test_caps_go_round_an_edge_by_the_angle_of_the_beam(x: float, sweep: float) -> None:
     """A wall along y = -0.18 that ends at x, seen from the origin."""
     end, tangent = np.array([x, -0.18]), np.array([1.0, 0.0])
-    cap = offset.cap(end, tangent, 0.18, 0.005, begin=False)
+    rows = offset.cap(end, tangent, 0.18, 0.005, begin=False)
+    cap, travel = rows[:, :2], rows[:, 2:]
     np.testing.assert_allclose(np.hypot(*(cap - end).T), 0.18)
+    # Clockwise, the edge on the right.
+    np.testing.assert_allclose(offset.left(travel), (cap - end) / 0.18, atol=1e-12)
     angle = np.degrees(np.arctan2(*(cap - end)[:, ::-1].T))
     assert (np.diff(angle) < 0.0).all()
     assert angle[-1] == pytest.approx(90.0 - sweep, abs=0.1)
     # Seen from the other side, the same wall begins there.
     mirrored = offset.cap(end * (-1.0, 1.0), tangent, 0.18, 0.005, begin=True)
-    np.testing.assert_allclose(mirrored[::-1] * (-1.0, 1.0), cap, atol=1e-12)
+    np.testing.assert_allclose(mirrored[::-1] * (-1.0, 1.0, 1.0, -1.0), rows, atol=1e-12)
 
 
 def test_a_grazing_beam_makes_no_cap() -> None:
@@ -213,6 +216,11 @@ def test_a_grazing_beam_makes_no_cap() -> None:
 def line(*corners: tuple[float, float], spacing: float = 0.01) -> np.ndarray:
     polygon = np.array(corners, dtype=float)
     return offset.resampled(polygon, round(arc_length(polygon)[-1] / spacing) + 1)
+
+
+def rows_of(points: np.ndarray) -> np.ndarray:
+    """Points with the direction of travel that is the line's own."""
+    return np.column_stack((points, offset.tangents(points, 1)))
 
 
 @pytest.mark.parametrize("turn", [30.0, 60.0, 90.0, 120.0])
@@ -240,17 +248,18 @@ def test_right_turns_and_wide_turns_keep_their_shape() -> None:
 
 
 def test_pieces_link_over_gaps_ahead_and_leave_out_what_stands_apart() -> None:
-    here = line((-0.5, 0.1), (0.3, 0.1))
-    ahead = line((0.6, 0.1), (1.0, 0.1))
-    apart = line((0.1, 0.5), (0.0, 0.8))
+    here = rows_of(line((-0.5, 0.1), (0.3, 0.1)))
+    ahead = rows_of(line((0.6, 0.1), (1.0, 0.1)))
+    apart = rows_of(line((0.1, 0.5), (0.0, 0.8)))
     assert offset.gap(here, ahead, 0.5) == pytest.approx(0.3)
     assert offset.gap(here, ahead, 0.2) == math.inf
     assert offset.gap(here, apart, 0.5) == math.inf
     joined = offset.followed([here, apart, ahead], 0.5)
     np.testing.assert_array_equal(joined, np.concatenate((here, ahead)))
     # The same from the far end: what was passed links as well.
-    back = offset.followed([here - (1.0, 0.0), apart - (1.0, 0.0), ahead - (1.0, 0.0)], 0.5)
-    np.testing.assert_allclose(back, joined - (1.0, 0.0))
+    moved = (1.0, 0.0, 0.0, 0.0)
+    back = offset.followed([here - moved, apart - moved, ahead - moved], 0.5)
+    np.testing.assert_allclose(back, joined - moved)
 
 
 def test_kinks_of_one_contour_link_whatever_they_turn() -> None:
@@ -261,9 +270,17 @@ def test_kinks_of_one_contour_link_whatever_they_turn() -> None:
 
 def test_folds_are_left_out() -> None:
     folded = np.array([(0.0, 0.0), (1.0, 0.1), (2.0, 0.0), (1.5, 0.1), (1.8, 0.0), (3.0, 0.1)])
-    np.testing.assert_array_equal(offset.onward(folded), folded[[0, 1, 2, 5]])
-    corner = line((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    rows = np.column_stack((folded, np.tile((1.0, 0.0), (6, 1))))
+    np.testing.assert_array_equal(offset.onward(rows), rows[[0, 1, 2, 5]])
+    corner = rows_of(line((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     np.testing.assert_array_equal(offset.onward(corner), corner)
+
+
+def test_a_long_way_back_is_left_out_though_it_is_straight() -> None:
+    """Longer than the stretch over which any direction is computed."""
+    folded = line((0.0, 0.0), (1.0, 0.0), (0.2, 0.01), (1.5, 0.02))
+    rows = np.column_stack((folded, np.tile((1.0, 0.0), (len(folded), 1))))
+    assert (np.diff(offset.onward(rows)[:, 0]) > 0.0).all()
 
 
 def test_stretches_go_on_straight() -> None:

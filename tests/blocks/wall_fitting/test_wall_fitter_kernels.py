@@ -128,11 +128,11 @@ class TiedError(Exception):
     """Two points of the line are equally near to the robot: rounding says which is nearer."""
 
 
-def untied(block: WallFitter, line: np.ndarray) -> bspline.Samples | None:
+def untied(block: WallFitter, line: np.ndarray, rows: np.ndarray) -> bspline.Samples | None:
     first, second = np.sort(np.hypot(*line.T))[:2]
     if second - first < 1e-12:
         raise TiedError
-    return REFERENCE(block, line)
+    return REFERENCE(block, line, rows)
 
 
 REFERENCE = WallFitter.reference
@@ -200,11 +200,26 @@ def lines(draw: st.DrawFn) -> np.ndarray:
 @given(line=lines(), reach=st.integers(1, 9))
 def test_lines(line: np.ndarray, reach: int) -> None:
     same(offset_kernels.tangents_kernel(line, reach), offset.tangents(line, reach), 1e-12)
-    same(offset_kernels.onward_kernel(line), offset.onward(line))
     same(bspline_kernels.arc_length_kernel(line), bspline.arc_length(line))
     assert fitter_kernels.nearest_row(line) == np.einsum("ij,ij->i", line, line).argmin()
     others = line[::2] + np.array([0.1, 0.05])
     same(offset_kernels.nearest_kernel(line, others), offset.nearest(line, others), 1e-12)
+
+
+@given(line=lines(), seed=st.integers(0, 2**32 - 1), near=st.sampled_from([0.01, 0.05]))
+def test_rows(line: np.ndarray, seed: int, near: float) -> None:
+    rows = travelled(line, seed)
+    same(offset_kernels.onward_kernel(rows), offset.onward(rows))
+    path = np.random.default_rng(seed).normal(0.0, 0.3, (20, 4))
+    path[:, :2] += line[0]
+    found = fitter_kernels.against_kernel(path, rows, near)
+    np.testing.assert_array_equal(found, offset.against(path[:, :2], path[:, 2], rows, near))
+
+
+def travelled(line: np.ndarray, seed: int) -> np.ndarray:
+    """A line with any directions of travel, (m, 4)."""
+    angle = np.random.default_rng(seed).uniform(-math.pi, math.pi, len(line))
+    return np.column_stack((line, np.cos(angle), np.sin(angle)))
 
 
 @given(
@@ -236,7 +251,7 @@ def test_caps(angle: float, slant: float, distance: float, begin: bool) -> None:
     end = 0.6 * np.array([math.cos(angle), math.sin(angle)])
     tangent = np.array([math.cos(angle + slant), math.sin(angle + slant)])
     expected = offset.cap(end, tangent, distance, 0.02, begin)
-    rows = np.empty((100, 2))
+    rows = np.empty((100, 4))
     side = 1.0 if begin else -1.0
     n = offset_kernels.cap_kernel(np.concatenate((end, tangent)), distance, 0.02, side, rows, 0)
     same(rows[:n], expected)
@@ -247,7 +262,9 @@ def test_caps(angle: float, slant: float, distance: float, begin: bool) -> None:
     bridge=st.sampled_from([0.0, 0.3, 1.0]),
 )
 def test_pieces_that_are_followed(pieces: list[tuple[np.ndarray, float]], bridge: float) -> None:
-    moved = [line + np.array([shift, 0.2 * i]) for i, (line, shift) in enumerate(pieces)]
+    moved = [
+        travelled(line + np.array([shift, 0.2 * i]), i) for i, (line, shift) in enumerate(pieces)
+    ]
     ends = np.cumsum([0, *map(len, moved)])
     bounds = np.column_stack((ends[:-1], ends[1:]))
     found = offset_kernels.followed_kernel(np.concatenate(moved), bounds, bridge)
