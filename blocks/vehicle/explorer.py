@@ -34,7 +34,7 @@ ASIDE = 0.6 * math.pi
 
 
 class Explorer(Block):
-    """Wander, then drive straight until a wall is near; then signal that permanently.
+    """Wander, drive straight until a wall is near, and signal that; lead back to a lost one.
 
         scan, pose ─▶ [ Explorer ] ─▶ command, engaged
 
@@ -43,8 +43,10 @@ class Explorer(Block):
     holds its heading, omega = 2 (course - theta), until a return is nearer than
     ``engage_distance``; ``engaged`` is 1 from that tick on. Whenever something lies in the
     rectangle of ``stop_distance`` by twice ``half_width`` ahead, it turns in place, always in
-    the same direction until the rectangle is free. It continues when engaged. Misses (inf, NaN)
-    count as free.
+    the same direction until the rectangle is free. Misses (inf, NaN) count as free.
+
+    Once engaged, its command is for a robot that has lost its wall: omega = 2 phi, with phi the
+    bearing of the nearest return, until that is nearer than ``engage_distance``; then straight on.
     """
 
     scan = Input(Scan("beams"), doc="ranges; inf where a beam hits nothing")
@@ -113,6 +115,9 @@ class Explorer(Block):
             return (0.0, side * self.omega_max), engaged
         if exploring:
             return (self.v_r, self._wandering(state, ranges)), engaged
+        if engaged:
+            bearing = self._nearest(state, ranges)
+            return (self.v_r, self._limited(COURSE_GAIN * bearing)), engaged
         error = math.remainder(float(state.course[0]) - pose[2], 2.0 * math.pi)
         return (self.v_r, self._limited(COURSE_GAIN * error)), engaged
 
@@ -157,6 +162,13 @@ class Explorer(Block):
             if abs(state.bearings[i]) < ASIDE and ranges[i] < least:
                 nearest, least = i, ranges[i]
         return self._turned(state, least, state.bearings[nearest])
+
+    def _nearest(self, state: BlockState, ranges: FloatArray) -> float:
+        """The bearing (rad) of the nearest return; 0 where it is near, or where there is none."""
+        nearest = int(ranges.argmin())
+        if not self.engage_distance <= ranges[nearest] < math.inf:
+            return 0.0
+        return float(state.bearings[nearest])
 
     def _turned(self, state: BlockState, distance: float, bearing: float) -> float:
         if distance >= self.avoid_distance:
