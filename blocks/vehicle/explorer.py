@@ -1,4 +1,4 @@
-"""Exploration: drive around without touching anything until a wall is near."""
+"""Exploration: drive around without touching anything until a wall is near; find a lost one."""
 
 from __future__ import annotations
 

@@ -102,7 +102,8 @@ class WallFitter(Block):
     one, are dropped; where beams pass the end of a wall, the curve goes round the edge; gaps are
     bridged; what does not link to the part nearest to the robot is left out; turns off the wall
     tighter than ``fillet`` are rounded; and another spline is fitted to that. Rows are ``step``
-    apart, in the direction of travel, with straight ends where there were no returns.
+    apart, in the direction of travel, with straight ends where there were no returns, and where it
+    would run against the direction of the wall.
 
     A scan that gives no path keeps the last one, with ``valid`` 0. Before the first one
     the path runs straight ahead through the robot, and the wall's points are at the robot.
@@ -237,20 +238,22 @@ class WallFitter(Block):
         spacing = self.wall_spacing if self.form == "least_squares" else None
         curves = wall_curves(chains, self.degree, self.bin, spacing)
         pieces = offset_pieces(curves, chains, returns, self.distance, self.trim, limit)
-        rows = self._joined(pieces) if pieces else pieces
-        if not len(rows):
-            return curves, None
-        return curves, self.reference(self._line(rows), rows)
+        rows = self._joined(pieces)
+        return curves, self.reference(self._line(rows), rows) if len(rows) else None
 
     def _joined(self, pieces: list[FloatArray]) -> FloatArray:
         """Join the pieces to follow near the robot; no rows if that is too short."""
+        if not pieces:
+            return np.empty((0, 4))
         rows = onward(followed(pieces, self.bridge))
         line = rows[:, :2]
         arc = arc_length(line)
         here = arc[int(np.einsum("ij,ij->i", line, line).argmin())]
         ahead = self.samples * self.step - self.behind
         rows = rows[(arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)]
-        return rows if float(arc_length(rows[:, :2])[-1]) >= self.shortest else rows[:0]
+        if float(arc_length(rows[:, :2])[-1]) < self.shortest:
+            return np.empty((0, 4))
+        return rows
 
     def _line(self, rows: FloatArray) -> FloatArray:
         """The rows to follow as a line, smooth and filleted."""
@@ -378,7 +381,9 @@ class WallFitter(Block):
         even = stretch_kernel(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
         return filleted_kernel(even, self.fillet, STEP, FLAT)
 
-    def _reference_rows(self, state: BlockState, line: FloatArray, joined: FloatArray) -> FloatArray:
+    def _reference_rows(
+        self, state: BlockState, line: FloatArray, joined: FloatArray
+    ) -> FloatArray:
         """Rows of the reference spline along a line; none if little is left of it."""
         nearby = round(self.behind / self.step)
         for _ in range(3):

@@ -220,3 +220,45 @@ def test_it_keeps_the_rules_of_blocks() -> None:
 def test_bad_parameters(parameters: dict[str, float], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         Explorer(**parameters)
+
+
+def test_who_has_lost_the_wall_turns_to_the_nearest_return() -> None:
+    """Within a few seconds it looks at it, from wherever that was, and stops turning when near."""
+    for bearing in (-2.8, -1.0, 0.5, 3.0):
+        explorer = Explorer(explore_time=0.0)
+        state = started(explorer, dt=DT)
+        explorer.update(state, 0.0, (0.0, 0.0, 0.0), (0.2, 0.0), 1.0)
+        x, y, theta = 0.0, 0.0, 0.0
+        world = World({"circles": [[2.0 * math.cos(bearing), 2.0 * math.sin(bearing), 0.3]]})
+        for k in range(300):
+            scan = world.cast(x, y, theta + bearings(360, -math.pi, math.pi))
+            (v, omega), engaged = explorer.output(state, k * DT, scan, (x, y, theta))
+            assert engaged == 1.0
+            if scan.min() < 0.45:
+                break
+            x, y, theta = (
+                x + DT * v * math.cos(theta),
+                y + DT * v * math.sin(theta),
+                theta + DT * omega,
+            )
+        assert omega == 0.0
+        assert world.distance(np.array([[x, y]]))[0] < 0.45
+
+
+def test_a_lost_robot_between_two_walls_decides_for_one() -> None:
+    """Both equally near, with noise: it does not stay in the middle."""
+    world = World({"room": [[-9.0, -1.2], [9.0, -1.2], [9.0, 1.2], [-9.0, 1.2]]})
+    explorer, rng = Explorer(explore_time=0.0), np.random.default_rng(3)
+    state = started(explorer, dt=DT)
+    explorer.update(state, 0.0, (0.0, 0.0, 0.0), (0.2, 0.0), 1.0)
+    x, y, theta = -5.0, 0.0, 0.0
+    scan = np.empty(360)
+    for k in range(200):
+        if k % 2 == 0:
+            exact = world.cast(x, y, theta + bearings(360, -math.pi, math.pi))
+            scan = exact + 0.01 * rng.standard_normal(360)
+        (v, omega), _ = explorer.output(state, k * DT, scan, (x, y, theta))
+        v, omega = 0.5 * v, 0.5 * omega  # as the graph's search does
+        x, y = x + DT * v * math.cos(theta), y + DT * v * math.sin(theta)
+        theta += DT * omega
+    assert abs(y) > 0.3

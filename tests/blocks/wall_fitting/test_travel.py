@@ -6,11 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blocks.wall_fitting import offset
 from blocks.world.world import World
 from tests.blocks.fitter import Fitter, Pose
 from tests.examples import examples
