@@ -250,10 +250,10 @@ class WallFitter(Block):
         arc = arc_length(line)
         here = arc[int(np.einsum("ij,ij->i", line, line).argmin())]
         ahead = self.samples * self.step - self.behind
-        rows = rows[(arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)]
-        if float(arc_length(rows[:, :2])[-1]) < self.shortest:
-            return np.empty((0, 4))
-        return rows
+        near = (arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)
+        kept: FloatArray = rows[near]
+        long_enough = float(arc_length(kept[:, :2])[-1]) >= self.shortest
+        return kept if long_enough else kept[:0]
 
     def _line(self, rows: FloatArray) -> FloatArray:
         """The rows to follow as a line, smooth and filleted."""
