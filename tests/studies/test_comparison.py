@@ -61,6 +61,44 @@ def test_the_interval_of_tunings_alone_is_that_of_welch() -> None:
     assert (found.low, found.high) == pytest.approx((low, high))
 
 
+def test_a_verdict_is_no_narrower_than_either_of_its_intervals() -> None:
+    rng = np.random.default_rng(5)
+    for shape in ((5, 10, 2), (1, 9, 1), (16, 8, 2)):
+        a, b = np.exp(rng.normal(0.1, 0.8, shape)), rng.normal(0.0, 0.2, shape)
+        plain, found = judge.contrast(a, b, 0.2), judge.judged(a, b, 0.2)
+        assert found.low <= plain.low < plain.high <= found.high
+        assert found.p >= plain.p and found.p_equivalent >= plain.p_equivalent
+        assert judge.judged(a, b, 0.2) == found
+
+
+def test_a_studentized_bootstrap_of_pairs_is_that_of_its_definition() -> None:
+    """With conditions alone: t of each draw by its own mean and standard error."""
+    rng = np.random.default_rng(6)
+    apart = rng.exponential(1.0, 12)
+    a, b = apart.reshape(1, 12, 1), np.zeros((1, 12, 1))
+    found = judge.judged(a, b, 0.2, times=4000)
+    draws = apart[rng.integers(0, 12, (4000, 12))]
+    t = (draws.mean(axis=1) - apart.mean()) / (draws.std(axis=1, ddof=1) / np.sqrt(12))
+    error = apart.std(ddof=1) / np.sqrt(12)
+    low, high = apart.mean() - np.quantile(t, [0.975, 0.025]) * error
+    plain = judge.contrast(a, b, 0.2)
+    assert found.high == pytest.approx(max(high, plain.high), rel=0.05)
+    assert found.low == pytest.approx(min(low, plain.low), rel=0.1)
+    # Errors with a long upper tail: what the sample may have missed is above its mean.
+    assert found.high > plain.high and found.low == plain.low
+
+
+def test_lines_of_the_same_two_are_corrected_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    def line(one: str, other: str, p: float) -> judge.Answer:
+        contrast = judge.Contrast(0.0, -0.1, 0.1, 1.0 - p, p)
+        return judge.Answer("path", "heals", "error", one, other, contrast, 1.0)
+
+    lines = [line("a", "b", 0.02), line("a", "c", 0.9), line("a", "b", 0.04), line("a", "c", 0.8)]
+    monkeypatch.setattr(judge, "_answers", lambda question: iter(lines))
+    found = [each.contrast.p_equivalent for each in judge.answers({})]
+    assert found == pytest.approx([0.04, 0.9, 0.04, 0.9])
+
+
 def test_words_follow_from_p_and_failures() -> None:
     better = judge.Contrast(-0.5, -0.6, -0.4, 0.001, 1.0)
     assert better.word == "better"
