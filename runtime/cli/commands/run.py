@@ -141,6 +141,7 @@ def _shown(
     done = True
     try:
         if draws:
+            _import_matplotlib()
             pictures = _pictures(result, folder, options, others, before)
             pictures += [_diagram(graph, folder)] if options.watch else []
     except KeyboardInterrupt:
@@ -149,6 +150,17 @@ def _shown(
         _tell_notes(result.notes[earlier:], options)
         show_folder("run", folder, pictures)
     return done
+
+
+def _import_matplotlib() -> None:
+    """Import matplotlib without the tables of properties in its docstrings, a fifth of the time.
+
+    Only in this process, which shows no help of matplotlib; as a library we leave it as it is.
+    """
+    if "matplotlib" not in sys.modules:
+        import matplotlib.artist
+
+        matplotlib.artist.kwdoc = lambda artist: ""
 
 
 def _diagram(graph: Graph, folder: Path) -> Path:

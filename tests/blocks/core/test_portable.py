@@ -101,3 +101,32 @@ def test_angles_are_numpys_to_rounding() -> None:
 
 if __name__ == "__main__":
     print(json.dumps(fingerprints()))
+
+
+def test_scipys_functions_are_those_of_the_whole_package() -> None:
+    from scipy import special
+
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=500_000) * 10.0 ** rng.integers(-30, 3, 500_000)
+    ends = [0.0, -0.0, 5e-324, -1e-300, 700.0, 710.0, -40.0, np.inf, np.nan]
+    x = np.concatenate([x, ends])
+    for ours, theirs, values in (
+        (portable.expm1, special.expm1, np.minimum(x, 709.0)),
+        (portable.log1p, special.log1p, np.maximum(x, -0.999)),
+    ):
+        assert np.array_equal(ours(values).view(np.uint64), theirs(values).view(np.uint64))
+
+
+@pytest.mark.parametrize("place", ["find_spec", "module_from_spec"])
+def test_where_scipy_is_another_one_its_public_functions_are_taken(
+    place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import importlib.util
+
+    from scipy import special
+
+    def fails(*arguments: object) -> None:
+        raise ImportError("not there")
+
+    monkeypatch.setattr(importlib.util, place, fails)
+    assert portable._scipy_functions() is special
