@@ -131,6 +131,10 @@ class SimulationError(SpikeblocksError):
         super().__init__(f"{place} {tick} (t = {time:g} {unit}): {text}")
 
 
+class NotCopiedError(Exception):
+    """A block keeps something that cannot be copied: the text says where and why."""
+
+
 class MissingExtraError(SpikeblocksError):
     """A feature needs a package that is not installed."""
 

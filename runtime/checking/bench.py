@@ -13,7 +13,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from blocks.core import Block, BlockContext, BlockState, Evaluation, FloatArray, SignalType
-from runtime.memory import NotCopiedError, Record, SharedPlaces
+from runtime.errors import NotCopiedError
+from runtime.memory import Record, SharedPlaces
 
 OUTSIDE = "draw random numbers from state.rng, and keep what changes in a State of the class"
 

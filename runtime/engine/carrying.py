@@ -12,8 +12,8 @@ not touched since, such as the gains of neurons, follows the graph's new paramet
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.engine.engine import Engine
+from runtime.engine.naming import undeclared
 from runtime.engine.recorder import Saved
 from runtime.engine.state import Begun, RunState
 from runtime.memory import alike
@@ -40,6 +41,7 @@ class Carried:
     generators : states of bit generators, by ``block.attribute``.
     own : what own blocks keep undeclared, by block and attribute.
     recording : the rows so far. log : the located events so far.
+    unchanged : the attributes of own blocks that are as ``start`` leaves them, if not in ``own``.
     python_from : the tick from which a compiled run is under the Python engine; ``notes`` say why.
     """
 
@@ -52,6 +54,7 @@ class Carried:
     log: FloatArray | None
     python_from: int | None = None
     notes: tuple[str, ...] = ()
+    unchanged: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def carried(engine: Engine, moves: bool = False) -> Carried:
@@ -66,7 +69,8 @@ def carried(engine: Engine, moves: bool = False) -> Carried:
     NotCopiedError : an own block keeps what cannot be copied.
     """
     state = engine.state
-    state.own_state.check_shared(moves)
+    if state.own:
+        state.own_state.check_shared(moves)
     return Carried(
         state.tick,
         state.copies(),
@@ -87,8 +91,10 @@ def adopt(engine: Engine, given: Carried) -> None:
         array[...] = given.arrays[name]
     state.set_drawn(given.generators)  # first, since other memory may refer to a generator
     for name in state.own:
-        own = given.own.get(name, {})
-        for key in state.own_state.undeclared(name) - own.keys():
+        first = engine.begun.own.get(name, {}) if name in given.unchanged else {}
+        own = {key: first[key] for key in given.unchanged.get(name, ()) if key in first}
+        own |= given.own.get(name, {})
+        for key in undeclared(state.blocks[name]) - own.keys():
             if f"{name}.{key}" not in given.generators:
                 delattr(state.blocks[name], key)
         state.own_state.take(name, own)

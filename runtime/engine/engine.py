@@ -49,8 +49,7 @@ from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
 )
-from runtime.errors import Problem, SimulationError, UsageError
-from runtime.memory import NotCopiedError
+from runtime.errors import NotCopiedError, Problem, SimulationError, UsageError
 from runtime.network import Network
 from runtime.plan import Plan
 

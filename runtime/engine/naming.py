@@ -12,7 +12,11 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from blocks.core import BlockState
 from runtime.plan import Plan, Port, Signal
+
+# What an engine gives every block's state, and what cannot change.
+GIVEN = frozenset(("_declared", "context", "dt", "seed", "is_seed_read", "published", "rng"))
 
 GLOBALS = (
     *("isfinite", "isnan", "vdot", "array", "full", "concatenate", "zeros"),
@@ -87,3 +91,10 @@ def names_of(plan: Plan) -> Names:
         states[name] = fresh(f"{plain}_s")
     initial = {name: fresh(f"{blocks[name]}_s0") for name in blocks if name in plan.restored}
     return Names(blocks, signals, states, initial)
+
+
+def undeclared(state: BlockState) -> set[str]:
+    """The attributes of a block's state that nothing declares."""
+    held = vars(state)
+    declared: frozenset[str] = held["_declared"]
+    return held.keys() - declared - GIVEN

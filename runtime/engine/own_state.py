@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, BlockState, FloatArray
+from runtime.engine.naming import undeclared
 from runtime.engine.program import Program
+from runtime.errors import NotCopiedError
 from runtime.memory import (
     Copier,
-    NotCopiedError,
     Place,
     Record,
     Run,
@@ -32,8 +33,6 @@ from runtime.memory import (
 )
 
 Array = np.ndarray[Any, Any]
-# What an engine gives every block, and what cannot change.
-GIVEN = frozenset(("_declared", "context", "dt", "seed", "is_seed_read", "published", "rng"))
 ADVICE = "declare a State for what changes"
 
 
@@ -100,12 +99,6 @@ class OwnState:
         self.entries = entries
         self.__dict__.pop("outer", None)
 
-    def undeclared(self, name: str) -> set[str]:
-        """The attributes of a block's state that nothing declares."""
-        held = vars(self.states[name])
-        declared: frozenset[str] = held["_declared"]
-        return held.keys() - declared - GIVEN
-
     def kept(self, compiled: Collection[str], shared_alone: bool = False) -> Kept:
         """What there is now.
 
@@ -127,7 +120,9 @@ class OwnState:
             try:
                 if not shared_alone:
                     held = vars(self.states[name])
-                    mine = kept.attributes[name] = {k: held[k] for k in self.undeclared(name)}
+                    mine = kept.attributes[name] = {
+                        k: held[k] for k in undeclared(self.states[name])
+                    }
                     for key, value in mine.items():
                         kept.record.add(value, f"state.{key}")
                 if name not in compiled:
@@ -157,7 +152,7 @@ class OwnState:
         """Put everything back in place."""
         for name, attributes in kept.attributes.items():
             held = vars(self.states[name])
-            for key in self.undeclared(name) - attributes.keys():
+            for key in undeclared(self.states[name]) - attributes.keys():
                 del held[key]
             held.update(attributes)
         for _, place, value in kept.places:
@@ -185,7 +180,7 @@ class OwnState:
         """
         held, copied = vars(self.states[name]), Copier(self._run(name))
         found = {}
-        for key in sorted(self.undeclared(name)):
+        for key in sorted(undeclared(self.states[name])):
             if not isinstance(held[key], np.random.Generator):
                 try:
                     found[key] = copied(held[key])

@@ -19,7 +19,7 @@ from blocks.registry import is_built_in
 from runtime.engine.engine import Engine
 from runtime.engine.naming import Names
 from runtime.engine.program import FILENAME
-from runtime.memory import NotCopiedError
+from runtime.errors import NotCopiedError
 from runtime.plan import Call, Operation, Plan, Signal, Solve, Source, Test, Zero
 
 
@@ -56,7 +56,7 @@ class Reader:
         memory, generators = state.memory.copy(), state.drawn()
         own = None
         with suppress(NotCopiedError):  # an output should change no memory (blocks.core.Block)
-            own = state.own_state.kept(state.compiled)
+            own = state.own_state.kept(state.compiled) if state.own else None
         try:
             values = self._function(state.tick, state.tick + 1, state.held)
         finally:  # of an interrupt, too

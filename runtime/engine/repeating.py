@@ -20,6 +20,7 @@ import numpy as np
 
 from blocks.core import Block
 from runtime.engine.engine import Engine
+from runtime.engine.naming import undeclared
 from runtime.engine.state import RunState, seed_of
 from runtime.errors import SimulationError
 
@@ -49,7 +50,8 @@ def begin_again(
     for name, block in blocks.items():
         entries[name] = replace(entries[name], block_or_none=block)
     network = before.changed(entries=entries, seed=seed)
-    state.own_state.begin_again(entries)
+    if state.own:
+        state.own_state.begin_again(entries)
     anew = [n for n, each in entries.items() if each.block is not before.entries[n].block]
     changed = set(anew)
     if seed != state.seed:
@@ -76,7 +78,7 @@ def _forget(state: RunState, name: str, own_seed: int | None) -> None:
     """Put a block's state back to what it is before ``start``."""
     block = state.blocks[name]
     held = vars(block)
-    for key in (state.own_state.undeclared(name) | {"rng"}) & held.keys():
+    for key in (undeclared(block) | {"rng"}) & held.keys():
         del held[key]
     for key in held["_declared"]:
         held[key][...] = 0.0

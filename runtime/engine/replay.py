@@ -24,7 +24,7 @@ from runtime.engine.beside import Beside
 from runtime.engine.events import FOUND
 from runtime.engine.runners import CompiledError, CompiledPlan, Run
 from runtime.engine.state import Held, RunState, Snapshot
-from runtime.memory import NotCopiedError
+from runtime.errors import NotCopiedError
 
 
 @dataclass

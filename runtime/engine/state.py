@@ -16,7 +16,8 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,11 +25,13 @@ from blocks.core import BlockState, FloatArray
 from blocks.registry import is_built_in
 from runtime.engine.events import BEFORE, SEARCH
 from runtime.engine.loops import memory_shape
-from runtime.engine.own_state import Kept, OwnState
 from runtime.engine.program import Program
 from runtime.engine.solvers import controls
 from runtime.network import Network
 from runtime.plan import Plan
+
+if TYPE_CHECKING:  # of a run with own blocks
+    from runtime.engine.own_state import Kept, OwnState
 
 Held = tuple[Any, ...]
 Array = np.ndarray[Any, Any]
@@ -120,7 +123,6 @@ class RunState:
     continuous: FloatArray = field(init=False)
     stop: FloatArray = field(init=False)
     own: set[str] = field(init=False)
-    own_state: OwnState = field(init=False)
     compiled: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
@@ -149,7 +151,13 @@ class RunState:
         self._place = {name: (m, i) for m in self.rows for i, name in enumerate(m)}
         self.blocks = {name: self._block(name) for name in entries}
         self.own = {name for name, entry in entries.items() if not is_built_in(entry.cls)}
-        self.own_state = OwnState(self.program, self.blocks, self.own, self.memory)
+
+    @cached_property
+    def own_state(self) -> OwnState:
+        """What own blocks keep undeclared."""
+        from runtime.engine.own_state import OwnState
+
+        return OwnState(self.program, self.blocks, self.own, self.memory)
 
     def _allocate(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
         """One memory for all arrays, each from a cache line of its own on."""
@@ -242,7 +250,7 @@ class RunState:
 
     def begun(self) -> Begun:
         """A copy of the state before the first tick, by names."""
-        return Begun(self.copies(), self.own_state.begun(self.compiled))
+        return Begun(self.copies(), self.own_state.begun(self.compiled) if self.own else {})
 
     def copies(self) -> dict[str, FloatArray]:
         """Copies of the arrays, by name."""

@@ -12,7 +12,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.memory.copies import Copier, Run, alike
-    from runtime.memory.record import NotCopiedError, Record, owner_of, same_content
+    from runtime.memory.record import Record, owner_of, same_content
     from runtime.memory.shared import Place, SharedPlaces
 else:
     __getattr__ = door(__name__)

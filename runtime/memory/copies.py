@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from runtime.errors import NotCopiedError
 from runtime.memory.record import (
     BOUND,
     EMPTY,
     FIXED,
     KINDS,
     Array,
-    NotCopiedError,
     kind_of,
     nothing,
     owner_of,

@@ -28,6 +28,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.errors import NotCopiedError
+
 Array = np.ndarray[Any, Any]
 Found = tuple[Any, "Kind", Any]
 # What cannot change, or is not memory of a run.
@@ -38,10 +40,6 @@ FIXED += (classmethod, functools.cached_property)
 BOUND = (types.BuiltinMethodType, types.MethodWrapperType)
 EMPTY = object()  # in the place of the content of a cell that has none
 POSITION = "nobody can read where it is"
-
-
-class NotCopiedError(Exception):
-    """A block keeps something that cannot be copied: the text says where and why."""
 
 
 @dataclass(frozen=True, eq=False)

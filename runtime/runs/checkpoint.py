@@ -33,9 +33,9 @@ from runtime.engine import (
     adopt,
     carried,
 )
-from runtime.errors import UsageError
+from runtime.errors import NotCopiedError, UsageError
 from runtime.files import sha256, write_whole
-from runtime.memory import NotCopiedError, alike
+from runtime.memory import alike
 from runtime.observation import RunData
 from runtime.plan import Port
 from runtime.runs.fingerprint import program_of
@@ -150,7 +150,7 @@ def content(engine: Engine, graph: str = "") -> bytes:
     arrays = {f"state/{name}": array for name, array in given.arrays.items()}
     for (block, port), value in given.held.items():
         arrays[f"held/{block}.{port}"] = np.asarray(value, dtype=np.float64)
-    own = _own(engine, given, arrays)
+    own, unchanged = _own(engine, given, arrays)
     for name, (_, _, _, memory) in given.recording.items():
         if memory is not None:
             arrays[f"filter/{name}"] = memory
@@ -162,6 +162,7 @@ def content(engine: Engine, graph: str = "") -> bytes:
         "rows": {name: rows for name, (_, rows, _, _) in given.recording.items()},
         "generators": _listed(given.generators),
         "own": own,
+        "unchanged": unchanged,
         "python_from": given.python_from,
         "notes": list(given.notes),
         "ticking_s": engine.elapsed() - engine.ready_s,
@@ -179,13 +180,18 @@ def content(engine: Engine, graph: str = "") -> bytes:
 
 def _own(
     engine: Engine, given: Carried, arrays: dict[str, FloatArray]
-) -> dict[str, dict[str, Any]]:
-    """What own blocks keep undeclared and the run has changed; arrays go to the others."""
+) -> tuple[dict[str, dict[str, Any]], dict[str, list[str]]]:
+    """What own blocks keep undeclared: what the run has changed, and the names of the others.
+
+    Arrays go to those of the checkpoint.
+    """
     own: dict[str, dict[str, Any]] = {}
+    unchanged: dict[str, list[str]] = {}
     for block, values in given.own.items():
         for key, value in values.items():
-            # What `start` computes anew, and the run has not changed, need not be stored.
-            if alike(value, engine.begun.own.get(block, {}).get(key)):
+            first = engine.begun.own.get(block, {})
+            if key in first and alike(value, first[key]):  # which `start` computes anew
+                unchanged.setdefault(block, []).append(key)
                 continue
             if isinstance(value, np.ndarray) and value.dtype == np.float64:
                 arrays[f"own/{block}.{key}"] = value
@@ -197,7 +203,7 @@ def _own(
                     f"block '{block}' keeps state.{key} ({kind}), which no checkpoint can hold; "
                     "declare it as a State, or keep numbers, strings and arrays of floats"
                 )
-    return own
+    return own, unchanged
 
 
 def digest_of(folder: Path) -> str:
@@ -242,6 +248,7 @@ def restored(path: Path, rows: Mapping[str, FloatArray]) -> tuple[Carried, dict[
             arrays.get("log"),
             header["python_from"],
             tuple(header["notes"]),
+            header["unchanged"],
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UsageError(f"'{path}' is no checkpoint that can be used: {error}") from None

@@ -29,9 +29,8 @@ from runtime.engine import (
     carried,
     is_within,
 )
-from runtime.errors import SimulationError, UsageError
+from runtime.errors import NotCopiedError, SimulationError, UsageError
 from runtime.files import own_file, own_folder, system_errors, write_whole
-from runtime.memory import NotCopiedError
 from runtime.runs import (
     Pacing,
     Result,
@@ -147,8 +146,10 @@ class Session:
         self._check()
         if not isinstance(ticks, (int, np.integer)) or ticks < 0:
             raise UsageError(f"expected a number of ticks of at least 0, got {ticks!r}")
-        last, own = self._engine.state.tick + int(ticks), self._engine.state.own_state
-        if own.left is not None:
+        state = self._engine.state
+        last, own = state.tick + int(ticks), state.own_state if state.own else None
+        is_left = own is not None and own.left is not None
+        if own is not None and is_left:
             _copied(own.check_left)
         if last > self._engine.network.ticks:
             self._extend(last)
@@ -169,7 +170,7 @@ class Session:
                 self._tear(self._engine.locate(error))
             raise
         finally:
-            if own.left is not None:
+            if is_left:
                 self._engine.state.own_state.leave()
 
     def _tear(self, block: str = "") -> None:

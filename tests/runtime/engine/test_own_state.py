@@ -9,7 +9,9 @@ import pytest
 
 import runtime
 from blocks import Block, Sine
+from runtime.engine import adopt
 from runtime.errors import UsageError
+from runtime.runs.checkpoint import content, restored
 from tests.compilers import needs_compiler
 from tests.runtime.engine import own_memory
 from tests.runtime.engine.own_memory import COPIED, NOT_COPIED, SHARED, Compiled, Counts, Fails
@@ -108,11 +110,13 @@ def test_constants_that_runs_share_stop_nothing() -> None:
 
 @pytest.mark.parametrize("kind", ["list", "helper", "closure", "class list", "generator"])
 def test_a_checkpoint_holds_views_and_names_what_it_cannot(kind: str, tmp_path: Path) -> None:
-    from runtime.runs.checkpoint import content
-
     session = graph(kind, None).session().step(5)
     if kind == "list":  # `start` makes the same views again
-        content(session._engine)
+        (tmp_path / "c.npz").write_bytes(content(session._engine))
+        given, _ = restored(tmp_path / "c.npz", session._engine.finish().arrays)
+        other = graph(kind, None).session()
+        adopt(other._engine, given)
+        assert_counts(other.step(10).result()["b.out"])
         return
     with pytest.raises(UsageError, match="block 'b' keeps "):
         content(session._engine)

@@ -17,7 +17,7 @@ import runtime
 from runtime.engine import Engine, Outcome
 from runtime.engine.compiled import CompiledRunner
 from runtime.engine.runners import CompiledError, RunContext
-from runtime.memory import NotCopiedError
+from runtime.errors import NotCopiedError
 from tests.compilers import needs_compiler
 from tests.examples import examples
 

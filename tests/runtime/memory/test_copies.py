@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.memory import Copier, NotCopiedError, Record, alike
+from runtime.errors import NotCopiedError
+from runtime.memory import Copier, Record, alike
 
 NOWHERE = np.zeros(0)
 
