@@ -105,6 +105,8 @@ class Block:
     spec: ClassVar[BlockSpec] = BlockSpec()
     # Whether outputs follow inputs between events, with a corner at each, rather than hold.
     follows: ClassVar[bool] = False
+    # Whether outputs may be infinite where an input may be, as the largest of a scan's ranges.
+    passes_misses: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

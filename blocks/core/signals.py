@@ -51,7 +51,7 @@ class SignalType:
         wire resolves; None for scalars and records.
     finite : False where ``inf`` is a legitimate value (a LiDAR ray that hits nothing).
     rows : name and unit of each component of a vector, or of a scalar; types that differ in them
-        alone are the same.
+        or in ``finite`` alone are the same.
     """
 
     name: str
@@ -59,7 +59,7 @@ class SignalType:
     components: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     length: Length = None
-    finite: bool = True
+    finite: bool = field(default=True, compare=False)
     rows: tuple[tuple[str, str], ...] = field(default=(), compare=False)
 
     @property

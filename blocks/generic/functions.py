@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 from blocks.core import (
     BlockContext,
@@ -32,10 +32,11 @@ class Function(Equations):
     matrices with ``@``, ``inv`` and ``solve``, and the functions of ``math``: docs/expressions.md
     has the whole language. All numbers are floats; integers alone are computed exactly, so that
     ``3**40 % 1000`` is 801, and one that no float has is an error. An expression cannot do anything
-    but compute.
+    but compute. Where an input may have misses, as a Scan, the values may be infinite, too.
     """
 
     out = Output(Same("T", own_unit=True), doc="the values of the expressions")
+    passes_misses: ClassVar[bool] = True
 
     expression: tuple[str, ...] = param(
         doc="an expression such as 'u[0]*u[1] - sin(t)', or a list of them"
@@ -61,9 +62,8 @@ class Function(Equations):
 
     def why_not_finite(self) -> str:
         return (
-            "an expression leaves its domain, as the root or logarithm of a negative number, "
-            "exceeds all floats, or reads an infinite number, as the miss of a scan is; limit its "
-            "inputs: 'sqrt(max(u[0], 0))', 'min(u[0], 12)'"
+            "an expression leaves its domain, as the root or logarithm of a negative number, or "
+            "exceeds all floats; limit its inputs: 'sqrt(max(u[0], 0))'"
         )
 
     @cached_property

@@ -31,11 +31,12 @@ def finite_test(signals: dict[str, SignalType]) -> str:
     finite: list[str] = []
     others: list[str] = []
     for variable, kind in signals.items():
+        numbers = finite if kind.finite else others
         if kind.form == "scalar":
-            finite.append(variable)
+            numbers.append(variable)
         elif kind.form == "record":
-            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
+            numbers += [f"{variable}[{i}]" for i in range(len(kind.components))]
         else:
-            (finite if kind.finite else others).append(f"vdot({variable}, {variable})")
+            numbers.append(f"vdot({variable}, {variable})")
     tests = [f"isfinite({' + '.join(finite)})"] if finite else []
     return " and ".join(tests + [f"not isnan({term})" for term in others])

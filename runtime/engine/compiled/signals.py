@@ -143,6 +143,9 @@ class SignalText(CText):
                     self.put(f"if (!{function}({name}, {count})) {wrong}")
                     continue
                 own = [name] if kind.form == "scalar" else [f"{name}[{i}]" for i in range(count)]
+                if not kind.finite:
+                    self.put(f"if ({' || '.join(f'isnan({n})' for n in own)}) {wrong}")
+                    continue
                 exact.append(f"if (!({' && '.join(f'isfinite({n})' for n in own)})) {wrong}")
                 numbers += own
         if numbers:

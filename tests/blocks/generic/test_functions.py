@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import runtime
-from blocks import Function
+from blocks import Function, Gain
 from tests.blocks.responses import problems, respond
 
 DRAW = np.random.default_rng(1)
@@ -274,3 +274,33 @@ def test_an_output_outside_of_a_domain_says_why() -> None:
     for engine in ("python", "compiled"):
         with pytest.raises(Exception, match="not finite: nan; an expression leaves its domain"):
             respond(entry, {"u": [[1.0, -1.0]]}, engine=engine)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_what_is_computed_of_misses_may_be_infinite(engine: str) -> None:
+    scan = [1.0, float("inf"), 0.5]
+    blocks: dict[str, Any] = {
+        name: {"type": "Function", "expression": expression}
+        for name, expression in (("near", "min(u)"), ("far", "max(u)"), ("next", "u[0] + 1"))
+    }
+    blocks["scan"] = {"type": "Constant", "signal": "Scan(3)", "value": scan}
+    graph = runtime.load(
+        {
+            "run": {"dt": 0.1, "until": 0.1},
+            "blocks": blocks,
+            "wires": {
+                "near": {"u": "scan.value"},
+                "far": {"u": "scan.value"},
+                "next": {"u": "far.out"},
+            },
+            "probes": {name: f"{name}.out" for name in ("near", "far", "next")},
+        }
+    )
+    if engine == "python":  # what is no expression of it has to be finite
+        gain = graph.add("gain", Gain(gain=2.0)).connect("next.out", "gain.input")
+        with pytest.raises(runtime.SimulationError, match="'gain' at tick 0"):
+            gain.run(engine=engine)
+    run = graph.run(engine=engine)
+    assert [run[name].ravel()[0] for name in ("near", "far", "next")] == [0.5, np.inf, np.inf]
+    with pytest.raises(runtime.SimulationError, match="'next' at tick 0.*nan"):
+        graph.set("next.expression", "u[0] - u[0]").run(engine=engine)
