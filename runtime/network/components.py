@@ -8,10 +8,13 @@ In: a signal type and an address. Out: the type, the columns or the names of the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from blocks.core import Scalar, SignalType, Vector
 from runtime.network.addresses import Endpoint, bounds, is_range
+
+Port = tuple[str, str]
 
 
 def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
@@ -90,3 +93,23 @@ def unknown_component(kind: SignalType, end: Endpoint) -> str:
         if is_range(end.component):
             has += "; a range ends before its second number, as in [0:2]"
     return f"{kind} '{end.block}.{end.port}' has no component '{end.component}'; {has}"
+
+
+def pass_misses(
+    types: dict[Port, SignalType],
+    known: dict[Port, SignalType],
+    reading: Sequence[tuple[Port, Sequence[Port]]],
+) -> None:
+    """Let what is computed of a signal with misses be infinite, as the largest range of a scan.
+
+    types : of outputs, changed in place. known : these and those of other blocks.
+    reading : a source, and the outputs that are computed of it.
+    """
+    passed = bool(reading) and not all(kind.finite for kind in known.values())
+    while passed:
+        passed = False
+        for source, outputs in reading:
+            for port in outputs if source in known and not known[source].finite else ():
+                if port in types and types[port].finite:
+                    known[port] = types[port] = replace(types[port], finite=False)
+                    passed = True

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType, Vector
 from runtime.errors import NOWHERE, Problems
 from runtime.network.addresses import relative
-from runtime.network.components import component_type, unknown_component
+from runtime.network.components import component_type, pass_misses, unknown_component
 from runtime.network.network import Network, Wire
 
 Variable = tuple[str, str]
@@ -69,25 +69,13 @@ def infer_types(
             kind = _concrete(_resolve(block.port_type(port), binding))
             if kind is not None:
                 types[name, port] = kind
-    _pass_misses(inference, types)
+    reading = [
+        ((wire.source.block, wire.source.port), [(wire.block, port) for port in cls.spec.outputs])
+        for wire in inference.wires
+        if (cls := network.entries[wire.block].cls).passes_misses
+    ]
+    pass_misses(types, {**network.types, **types}, reading)
     return types, {name: block.lengths for name, block in bindings.items()}
-
-
-def _pass_misses(inference: _Inference, types: dict[tuple[str, str], SignalType]) -> None:
-    """Let what is computed of a signal with misses be infinite, as the largest range of a scan."""
-    network = inference.network
-    reading = [w for w in inference.wires if network.entries[w.block].cls.passes_misses]
-    known = {**network.types, **types} if reading else {}
-    passed = any(not kind.finite for kind in known.values())
-    while passed:
-        passed = False
-        for wire in reading:
-            source = known.get((wire.source.block, wire.source.port))
-            for port in network.entries[wire.block].cls.spec.outputs:
-                kind = types.get((wire.block, port))
-                if source and not source.finite and kind and kind.finite:
-                    known[wire.block, port] = types[wire.block, port] = replace(kind, finite=False)
-                    passed = True
 
 
 def _known(network: Network, name: str) -> _Bindings:
