@@ -14,7 +14,9 @@ from typing import TypeVar
 
 from blocks.core import Block, GraphInput, SignalType, Variant
 from blocks.extensions import Registry
+from blocks.files import read
 from blocks.index import TYPES
+from blocks.limits import MODULE
 
 _T = TypeVar("_T")
 # A module is registered before its code has run: other threads must not see it until then.
@@ -139,7 +141,7 @@ def _module(file: FilePath) -> ModuleType:
 def _loaded(file: FilePath) -> ModuleType:
     import hashlib
 
-    data, where = file.read_bytes(), str(file.resolve())
+    data, where = read(file, MODULE), str(file.resolve())
     digest = hashlib.sha256(where.encode("utf-8", "backslashreplace") + b"\0" + data)
     name = f"_blocks_of_{file.stem}_{digest.hexdigest()[:16]}"
     module = sys.modules.get(name)

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from blocks.limits import PROBLEMS
+
 
 @dataclass(frozen=True, order=True, slots=True)
 class Where:
@@ -35,7 +37,7 @@ NOWHERE = Where()
 # Where something is written, and its address in the graph: 'blocks.lqr.q', or '' for the whole.
 Location = tuple[Where, str]
 # Nobody reads more, and a generated graph can have the same mistake a million times.
-MAX_PROBLEMS = 1_000
+MAX_PROBLEMS = PROBLEMS
 
 
 @dataclass(frozen=True, order=True)

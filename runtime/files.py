@@ -16,14 +16,18 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Iterator
+import stat
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from blocks.files import opened, read_text
+from blocks.limits import JSON_VALUES
 from runtime.errors import UsageError
 
-MAX_TEXT = 64 * 2**20  # bytes of a text file
+Content = str | bytes | Callable[[BinaryIO], object]
+
 NAME_BYTES = 120  # of a file name made from any string; file systems allow 255
 # Under Windows a lock is of bytes and keeps others from reading them: this one is beyond any
 # content.
@@ -49,27 +53,42 @@ def slug(text: str, otherwise: str = "graph") -> str:
 
 
 @contextmanager
-def system_errors(action: str) -> Iterator[None]:
-    """Report an error of the system as a ``UsageError``: ``cannot <action>: <reason>``."""
+def system_errors(action: str = "") -> Iterator[None]:
+    """Report an error of the system as a ``UsageError``: ``cannot <action>: <reason>``.
+
+    Without an action it is the writing of the file that the error names.
+    """
     try:
         yield
     except OSError as error:
+        action = action or f"write '{error.filename}'"
         raise UsageError(f"cannot {action}: {error.strerror or error}") from None
 
 
-def read_text(path: Path) -> str:
-    """Read a UTF-8 file of up to :data:`MAX_TEXT` bytes.
+def read_json(path: Path) -> Any:
+    """Read a JSON file of up to :data:`JSON_VALUES` values.
 
     Raises
     ------
-    OSError, ValueError : it cannot be read, is longer, or is not UTF-8.
+    OSError, ValueError : it cannot be read, is longer, or is not valid.
     """
-    with path.open("rb") as file:
-        # Read, not asked for its size: a pipe or a device has none.
-        data = file.read(MAX_TEXT + 1)
-    if len(data) > MAX_TEXT:
-        raise ValueError(f"more than {MAX_TEXT // 2**20} MiB")
-    return data.decode("utf-8")
+    return parse_json(read_text(path))
+
+
+def parse_json(text: str) -> Any:
+    """What a JSON text holds, of up to :data:`JSON_VALUES` values.
+
+    Raises
+    ------
+    ValueError : it holds more, or is not valid.
+    """
+    # Counted before it is read: an empty list of 3 characters takes 70 bytes of memory.
+    if sum(map(text.count, "[{,")) > JSON_VALUES:
+        raise ValueError(f"more than {JSON_VALUES:,} values")
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deep") from None
 
 
 def refuse_link(path: Path) -> None:
@@ -115,24 +134,88 @@ def check_inside(folder: Path) -> None:
         raise UsageError(f"'{folder}' {message}, or where to write with --out")
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def write_whole(path: Path, content: Content) -> None:
     """Write a file atomically; a link of that name is replaced.
 
     Raises
     ------
     OSError : it cannot be written; the old file is unchanged.
     """
-    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
-    # Beside it, since a rename is atomic only within one file system.
-    partial = path.with_name(f".{os.urandom(6).hex()}.partial")
+    write_files({path: content})
+
+
+def write_files(files: Mapping[Path, Content], folders: bool = False) -> None:
+    """Write files, all or none; links of their names are replaced.
+
+    ``folders`` makes the folders that are missing, and removes them again on failure. A content
+    may be a function that writes into an open file.
+
+    Raises
+    ------
+    OSError : one cannot be written; what was there is unchanged.
+    """
+    partial: dict[Path, Path] = {}
+    made: list[Path] = []
+    path = Path()
     try:
-        partial.write_bytes(data)
-        partial.replace(path)
+        for path, content in files.items():
+            if path.is_dir() and not path.is_symlink():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            made += _missing(path.parent) if folders else []
+            # Beside it, since a rename is atomic only within one file system.
+            partial[path] = path.with_name(f".{os.urandom(6).hex()}.partial")
+            with partial[path].open("xb") as file:
+                _write_into(file, content)
+        for path, written in partial.items():
+            written.replace(path)
     # Ctrl-C as well: nothing half-written stays.
-    except BaseException:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+    except BaseException as error:
+        for written in partial.values():
+            with suppress(OSError):
+                written.unlink(missing_ok=True)
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()
+        if isinstance(error, OSError) and error.errno:
+            # The temporary name says nothing to a user.
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """Make a folder with those above it; returns the new ones, the outermost first."""
+    absent = [each for each in (folder, *folder.parents) if not each.exists()]
+    for each in reversed(absent):
+        each.mkdir(exist_ok=True)
+    return absent[::-1]
+
+
+def _write_into(file: BinaryIO, content: Content) -> None:
+    if callable(content):
+        content(file)
+    elif isinstance(content, str):
+        file.write(content.encode("utf-8", "backslashreplace"))
+    else:
+        file.write(content)
+
+
+def write_out(path: Path, content: str | bytes) -> None:
+    """Write what a user asked for, where the user said: atomically, to a link's target.
+
+    A pipe or a device, such as ``/dev/stdout``, is written to directly.
+
+    Raises
+    ------
+    OSError : it cannot be written.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        with path.open("wb") as file:
+            _write_into(file, content)
+        return
+    path = path.resolve()
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    write_whole(path, content)
 
 
 def open_file(path: Path, flags: int) -> int:
@@ -142,12 +225,16 @@ def open_file(path: Path, flags: int) -> int:
     ------
     OSError : it cannot be opened, or is a link.
     """
-    for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_BINARY"):  # no system has all of them
+    for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_BINARY", "O_NONBLOCK"):  # no system has all of them
         flags |= getattr(os, name, 0)
     if path.is_symlink():
         # Windows has no O_NOFOLLOW.
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
-    return os.open(path, flags)
+    file = os.open(path, flags)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+    return file
 
 
 def lock(file: int) -> bool:
@@ -222,7 +309,7 @@ def sha256(path: Path) -> str:
     """The SHA-256 hash of a file of any size."""
     import hashlib
 
-    with path.open("rb") as file:
+    with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -9,11 +9,10 @@ In: arrays, some of them mapped from a file, or the path of an archive. Out: an 
 
 from __future__ import annotations
 
+import math
 import mmap
-import struct
-import tokenize
+import sys
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,6 +20,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from blocks.core import FloatArray
+from blocks.files import DAMAGED as DAMAGED
+from blocks.files import archive, array_header, opened, read_array
 
 BLOCK = 1 << 22  # bytes of an array in memory at a time
 MAPPED_ABOVE = 1 << 26  # bytes; the arrays of larger archives are mapped, not read
@@ -53,23 +54,15 @@ def release(array: FloatArray) -> None:
 
 def save_arrays(path: Path | BinaryIO, arrays: Mapping[str, FloatArray]) -> None:
     """Write arrays like :func:`numpy.savez`, without loading them into memory."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as written:
         for name, array in arrays.items():
             header = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
             # Its size is not known to zipfile in advance: without zip64, 2 GiB are an error at the
             # end.
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+            with written.open(f"{name}.npy", "w", force_zip64=True) as file:
                 np.lib.format.write_array_header_1_0(file, header)
                 for _, (rows,) in row_blocks(np.atleast_1d(array)):
                     file.write(np.ascontiguousarray(rows, dtype="<f8").data)
-
-
-# What numpy and zipfile raise for archives that are damaged. Numpy reads a header as Python, and
-# only warns about some that it cannot be sure of.
-DAMAGED: tuple[type[Exception], ...] = (
-    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
-    *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError, Warning),
-)
 
 
 def open_arrays(path: Path) -> dict[str, FloatArray]:
@@ -81,38 +74,38 @@ def open_arrays(path: Path) -> dict[str, FloatArray]:
     ------
     DAMAGED : for damaged files.
     """
-    with path.open("rb") as file:
-        _check_members(file)
-        if path.stat().st_size <= MAPPED_ABOVE:
-            return dict(np.load(file, allow_pickle=False))
-        with zipfile.ZipFile(file) as archive:
-            return {
-                info.filename.removesuffix(".npy"): _map_member(path, archive, info)
-                for info in archive.infolist()
-            }
+    with opened(path) as file, archive(file, sys.maxsize) as members:
+        # Those of a run are not: its file is as large as what it holds.
+        if any(member.compress_type != zipfile.ZIP_STORED for member in members.infolist()):
+            raise ValueError("it is compressed; the arrays of a run are not")
+        length = file.seek(0, 2)
+        return {
+            info.filename.removesuffix(".npy"): _map_member(file, members, info)
+            if length > MAPPED_ABOVE
+            else read_array(members, info.filename, sys.maxsize)
+            for info in members.infolist()
+        }
 
 
-def _check_members(file: BinaryIO) -> None:
-    """Refuse an archive that claims to hold more than the file: runs are not compressed."""
-    size = file.seek(0, 2)
-    file.seek(0)
-    with zipfile.ZipFile(file) as archive:
-        members = archive.infolist()
-    if any(member.compress_type != zipfile.ZIP_STORED for member in members):
-        raise ValueError("it is compressed; the arrays of a run are not")
-    if sum(member.file_size for member in members) > size:
-        raise ValueError("its arrays are declared larger than the file")
-    file.seek(0)
+def open_rows(path: Path) -> FloatArray:
+    """The array of a file as :func:`numpy.save` writes it, mapped.
+
+    Raises
+    ------
+    OSError, ValueError : it cannot be read, or holds no rows of float64.
+    """
+    with opened(path) as file:
+        shape, fortran, kind = array_header(file)
+        if kind != np.float64 or fortran:
+            raise ValueError(f"it is {kind}; expected rows of float64")
+        if not math.prod(shape):
+            return np.empty(shape)
+        return np.asarray(np.memmap(file, "<f8", "r", file.tell(), shape))
 
 
-def _map_member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
-    if info.compress_type != zipfile.ZIP_STORED:
-        raise ValueError(f"'{info.filename}' is compressed; expected arrays that are stored")
-    with archive.open(info) as member:
-        version = np.lib.format.read_magic(member)
-        if version != (1, 0):
-            raise ValueError(f"'{info.filename}' has format {version}; expected (1, 0)")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
+def _map_member(file: BinaryIO, members: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
+    with members.open(info) as member:
+        shape, fortran, dtype = array_header(member)
         header = member.tell()
         # A memory map needs the bytes as they are: no conversion, rows one after the other.
         if dtype != np.float64 or fortran:
@@ -123,14 +116,13 @@ def _map_member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> 
             size += len(block)
     if size - header != 8 * int(np.prod(shape, dtype=object)):
         raise ValueError(f"'{info.filename}' holds {size - header} bytes for shape {shape}")
-    with path.open("rb") as file:
-        # The member's own header: 30 bytes, a name and an extra field. The lengths of the two in
-        # the archive's directory may be others.
-        file.seek(info.header_offset + 26)
-        lengths = file.read(4)
-        start = 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
+    # The member's own header: 30 bytes, a name and an extra field. The lengths of the two in the
+    # archive's directory may be others.
+    file.seek(info.header_offset + 26)
+    lengths = file.read(4)
+    start = 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
     offset = info.header_offset + start + header
     # An empty file cannot be mapped.
     if size == header:
         return np.empty(shape)
-    return np.asarray(np.memmap(path, "<f8", "r", offset, shape))
+    return np.asarray(np.memmap(file, "<f8", "r", offset, shape))

@@ -30,7 +30,7 @@ from blocks.core.expressions import (
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.graph_input import GraphInput
-from blocks.core.hints import hint, rate_note
+from blocks.core.hints import hint, rate_note, similar
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -209,6 +209,7 @@ __all__ = [
     "show",
     "signal_type",
     "signed_distance",
+    "similar",
     "sin",
     "size_of",
     "small_eliminate",

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from itertools import chain, product
 
 from blocks.core.expression_values import Value, Writer, called, literal, number, vector
+from blocks.limits import INVERTED_SIDE
 
-MAX_SIDE = 64  # of a matrix that is inverted: n^3 operations
+MAX_SIDE = INVERTED_SIDE
 MAX_PRODUCTS = 256  # of a matrix product that is written out; larger ones are loops
 
 

@@ -18,8 +18,9 @@ from typing import NoReturn
 
 from blocks.core.expression_text import ExpressionError
 from blocks.core.expression_values import Value, Writer, literal
+from blocks.limits import EXPRESSION_DEPTH
 
-MAX_DEPTH = 40
+MAX_DEPTH = EXPRESSION_DEPTH
 _COMPARISONS: dict[type[ast.cmpop], Callable[[int, int], bool]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,

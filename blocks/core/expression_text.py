@@ -12,7 +12,9 @@ import ast
 import re
 import threading
 
-MAX_LENGTH = 2000
+from blocks.limits import EXPRESSION_LENGTH
+
+MAX_LENGTH = EXPRESSION_LENGTH
 # Python 3.11 counts the depth of a syntax tree for all threads together, and raises an error.
 PARSING = threading.Lock()
 _TEXT = re.compile(r"[A-Za-z0-9_ \t\n+\-*/%().,\[\]<>=!:&|^~@{}$'\"?;#]*")

@@ -20,9 +20,10 @@ from itertools import chain
 from typing import TypeAlias
 
 from blocks.core.expression_text import parsed
+from blocks.limits import EXPRESSION_WRITTEN
 
 # Of an expression as written out, with all that its indices run over.
-MAX_WRITTEN = 20_000
+MAX_WRITTEN = EXPRESSION_WRITTEN
 # A longer sum is continued in a further statement, and so is a higher tree: it is printed,
 # compiled and translated by recursion.
 MAX_TERMS = 8

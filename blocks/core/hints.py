@@ -30,12 +30,18 @@ def hint(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None)
 
     ``also`` maps words that others use to one of the known names.
     """
+    near = similar(name, known, also)
+    return f", did you mean '{near}'?" if near else ""
+
+
+def similar(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None) -> str:
+    """The known name that was probably meant; ``""`` if none is similar. ``also`` as above."""
     folded = {entry.lower(): entry for entry in known}
     written = str(name).lower()[:LONGEST]
     if (ours := (also or {}).get(written)) in folded:
-        return f", did you mean '{ours}'?"
+        return str(ours)
     close = difflib.get_close_matches(written, _likely(written, tuple(folded)), n=1, cutoff=ALIKE)
-    return f", did you mean '{folded[close[0]]}'?" if close else ""
+    return folded[close[0]] if close else ""
 
 
 def _likely(name: str, known: tuple[str, ...]) -> list[str]:

@@ -14,7 +14,6 @@ import hashlib
 import io
 import math
 import tempfile
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from ctypes import POINTER, c_double
@@ -25,7 +24,9 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, ParameterError, require
+from blocks.files import archive
 from blocks.fmu.description import Description, Variable
+from blocks.limits import FMU_UNPACKED
 
 TYPES = {"Enumeration": ("Integer", "Int64")}  # how values of a type are given
 SERIALIZE = "canSerializeFMUState"
@@ -217,6 +218,9 @@ def _unpacked(content: bytes) -> str:
     """A folder with the files of an FMU, as long as the process runs."""
     place = Path(_folder(hashlib.sha256(content).hexdigest()).name)
     if not (place / "modelDescription.xml").exists():
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            archive.extractall(place)  # it leaves out what leads out of the folder
+        with archive(io.BytesIO(content), FMU_UNPACKED) as members:
+            # The description last, so that a folder with it is complete; it leaves out what leads
+            # out of the folder.
+            names = sorted(members.namelist(), key="modelDescription.xml".__eq__)
+            members.extractall(place, names)
     return str(place)

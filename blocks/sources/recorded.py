@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-import zipfile
-from collections.abc import Mapping
+import math
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -22,10 +25,12 @@ from blocks.core import (
     hint,
     param,
 )
+from blocks.files import DAMAGED, archive, array_header, read, read_array
+from blocks.limits import GRAPH_ARRAYS, RECORDED, RECORDED_COLUMNS, RECORDED_NUMBERS
 from blocks.sources.time_tables import METHODS, Table
 
-MAX_BYTES = 64 * 2**20
 TIMES = ("time", "t")
+TOO_MANY = f"it holds more than {RECORDED_NUMBERS:,} numbers"
 RecordedColumns = dict[str, FloatArray]
 
 
@@ -83,17 +88,11 @@ class FromFile(Table):
     @cached_property
     def content(self) -> bytes:
         """The file as it was read; it is read once."""
-        path = Path(self.path)
         try:
-            with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)
+            return read(self.path, RECORDED)
         except OSError as error:
-            message = f"cannot read '{path}': {error.strerror}"
+            message = f"cannot read '{self.path}': {error.strerror}"
             raise ParameterError([("file", message)]) from None
-        if len(data) > MAX_BYTES:
-            message = f"'{path}' is larger than {MAX_BYTES // 2**20} MiB; record fewer rows"
-            raise ParameterError([("file", message)])
-        return data
 
     @cached_property
     def rows(self) -> tuple[FloatArray, FloatArray]:
@@ -103,7 +102,7 @@ class FromFile(Table):
             raise ParameterError([("file", message)])
         content = self.content
         try:
-            columns = _csv(content) if suffix == ".csv" else _npz(content)
+            columns = _csv(content) if suffix == ".csv" else _npz(content, self._is_needed)
         except ValueError as error:
             raise ParameterError([("file", f"{Path(self.path).name}: {error}")]) from None
         times = self._times(columns)
@@ -115,14 +114,16 @@ class FromFile(Table):
                 [("columns", f"{message}{len(columns[short[0]])} of '{short[0]}'")]
             )
         table = np.column_stack([columns[name] for name in names])
-        for name in (times, *names):
-            # Whether a type has infinite values is known once the type is: `check_type`.
-            is_wrong = ~np.isfinite(columns[name]) if name == times else np.isnan(columns[name])
-            if is_wrong.any():
-                row = int(np.argmax(is_wrong))
-                message = f"column '{name}', row {row + 1}: expected a finite number, "
-                raise ParameterError([("file", f"{message}got {columns[name][row]:g}")])
-        return columns[times], table[:, 0] if table.shape[1] == 1 else table
+        # Whether a type has infinite values is known once the type is: `check_type`.
+        _refuse(~np.isfinite(columns[times]), columns[times], [times])
+        _refuse(np.isnan(table), table, names)
+        return columns[times].copy(), table[:, 0] if table.shape[1] == 1 else table
+
+    def _is_needed(self, name: str) -> bool:
+        """Whether an array of a file with many can be one of the columns, or the times."""
+        if self.columns is None or name in (self.time, *TIMES):
+            return True
+        return any(each.partition("[")[0] == name.partition(".time")[0] for each in self.columns)
 
     def _times(self, columns: RecordedColumns) -> str:
         """The name of the column with the times."""
@@ -137,11 +138,13 @@ class FromFile(Table):
             names = [name for name in columns if name != times and not name.endswith(".time")]
         else:
             names = []
+            parts: dict[str, list[str]] = {}
+            for each in columns:
+                parts.setdefault(each.rpartition("[")[0], []).append(each)
             for name in self.columns:
-                inner = [each for each in columns if each.startswith(f"{name}[")]
-                if not inner:
+                if name not in parts:
                     self._check_known("columns", name, columns)
-                names += inner or [name]
+                names += parts.get(name, [name])
         if not names:
             raise ParameterError([("file", "the file has no column beside the times")])
         return names
@@ -178,42 +181,71 @@ def _csv(content: bytes) -> RecordedColumns:
     ------
     ValueError : it is not a table of numbers; the message names the line.
     """
+    # As text line by line: a list of all cells would take ten times the file's size.
+    text = io.TextIOWrapper(io.BytesIO(content), "utf-8-sig")
     try:
-        text = content.decode("utf-8-sig")
+        return _table(text)
     except UnicodeDecodeError:
         raise ValueError("the file is not UTF-8") from None
-    lines = text.splitlines()
-    content_lines = [
-        (i, each) for i, each in enumerate(lines, 1) if each.strip() and each[0] != "#"
-    ]
-    if not content_lines:
-        raise ValueError("the file is empty")
-    separator = max(",;\t", key=content_lines[0][1].count)
-    try:
-        cells = list(csv.reader((each for _, each in content_lines), delimiter=separator))
     except csv.Error as error:
         raise ValueError(f"not a csv file: {error}") from None
-    if len(cells) != len(content_lines):
-        raise ValueError("a string in quotes goes over several lines; expected numbers")
-    named = any(_number(cell) is None for cell in cells[0])
-    names = [cell.strip() for cell in cells[0]] if named else list(map(str, range(len(cells[0]))))
-    repeated = [name for i, name in enumerate(names) if name in names[:i]]
-    if repeated:
-        raise ValueError(f"two columns are named '{repeated[0]}'")
-    rows = []
-    for (line, _), row in list(zip(content_lines, cells, strict=True))[named:]:
-        if len(row) != len(names):
-            raise ValueError(f"line {line}: expected {len(names)} numbers, got {len(row)}")
-        rows.append([_parsed(cell, line, name) for cell, name in zip(row, names, strict=True)])
-    table = np.array(rows, dtype=np.float64).reshape(-1, len(names))
-    return {name: table[:, i].copy() for i, name in enumerate(names)}
+
+
+def _table(text: Iterable[str]) -> RecordedColumns:
+    written = (
+        (i, each) for i, each in enumerate(text, 1) if each.strip() and not each.startswith("#")
+    )
+    number, first = next(written, (0, ""))
+    if not first:
+        raise ValueError("the file is empty")
+    separator = max(",;\t", key=first.count)
+    if first.count(separator) >= RECORDED_COLUMNS:
+        raise ValueError(f"it has more than {RECORDED_COLUMNS:,} columns")
+    cells = _cells(first, separator)
+    named = any(_number(cell) is None and not _is_foreign(cell) for cell in cells)
+    names = [cell.strip() for cell in cells] if named else list(map(str, range(len(cells))))
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise ValueError(f"two columns are named '{name}'")
+        seen.add(name)
+    numbers = array("d")
+    for line, row in written if named else chain([(number, first)], written):
+        found = _cells(row, separator)
+        if len(found) != len(names):
+            raise ValueError(f"line {line}: expected {len(names)} numbers, got {len(found)}")
+        numbers.extend(_parsed(cell, line, name) for cell, name in zip(found, names, strict=True))
+        if len(numbers) > RECORDED_NUMBERS:
+            raise ValueError(f"{TOO_MANY}; record fewer rows or columns")
+    table = np.frombuffer(numbers, dtype=np.float64).reshape(-1, len(names))
+    return {name: table[:, i] for i, name in enumerate(names)}
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """The cells of one line."""
+    if '"' not in line:
+        return line.rstrip("\r\n").split(separator)
+    rows = list(csv.reader([line], delimiter=separator, strict=True))
+    return rows[0]
 
 
 def _number(cell: str) -> float | None:
+    """A number in ASCII; Python also reads ``1_000`` and the digits of other scripts."""
     try:
-        return float(cell)
+        return None if _is_foreign(cell) else float(cell)
     except ValueError:
         return None
+
+
+def _is_foreign(cell: str) -> bool:
+    """Whether only Python reads a cell as a number."""
+    if cell.isascii() and "_" not in cell:
+        return False
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _parsed(cell: str, line: int, name: str) -> float:
@@ -223,28 +255,58 @@ def _parsed(cell: str, line: int, name: str) -> float:
     return number
 
 
-def _npz(content: bytes) -> RecordedColumns:
+def _npz(content: bytes, is_needed: Callable[[str], bool]) -> RecordedColumns:
     """The arrays of an npz file by name; those of two dimensions as one entry per column.
+
+    Those that are not needed are left empty. What all hold is known before one is unpacked.
 
     Raises
     ------
     ValueError : it cannot be read, or an array is not a column or table of numbers.
     """
-    columns: RecordedColumns = {}
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            loaded = {name: arrays[name] for name in arrays.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        with archive(io.BytesIO(content), GRAPH_ARRAYS) as members:
+            shapes = {name: _shape(members, name) for name in members.namelist()}
+            needed = [n for i, n in enumerate(shapes) if not i or is_needed(n.removesuffix(".npy"))]
+            if sum(math.prod(shapes[name]) for name in needed) > RECORDED_NUMBERS:
+                raise ValueError(f"{TOO_MANY}; name fewer columns, or record fewer rows")
+            columns: RecordedColumns = {}
+            for name, shape in shapes.items():
+                values = np.empty((0, *shape[1:]))
+                if name in needed:
+                    values = read_array(members, name, 8 * RECORDED_NUMBERS).astype(np.float64)
+                name = name.removesuffix(".npy")
+                if len(shape) == 1:
+                    columns[name] = values
+                elif len(columns) + shape[1] > RECORDED_COLUMNS:
+                    raise ValueError(f"it has more than {RECORDED_COLUMNS:,} columns")
+                else:
+                    columns |= {f"{name}[{j}]": values[:, j] for j in range(shape[1])}
+    except _ShapeError as error:
+        raise ValueError(str(error)) from None
+    except DAMAGED as error:
         raise ValueError(f"not an npz file of numbers: {error}") from None
-    for name, array in loaded.items():
-        if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
-            message = f"array '{name}': expected n or n x k numbers, got {array.dtype} of shape"
-            raise ValueError(f"{message} {array.shape}")
-        values = array.astype(np.float64)
-        if array.ndim == 1:
-            columns[name] = values
-        else:
-            columns |= {f"{name}[{j}]": values[:, j].copy() for j in range(values.shape[1])}
     if not columns:
         raise ValueError("the file holds no arrays")
     return columns
+
+
+class _ShapeError(Exception):
+    """An array of an npz file is no column and no table of numbers."""
+
+
+def _shape(members: ZipFile, name: str) -> tuple[int, ...]:
+    with members.open(name) as member:
+        shape, _, kind = array_header(member)
+    if kind.kind not in "fiub" or len(shape) not in (1, 2):
+        message = f"array '{name.removesuffix('.npy')}': expected n or n x k numbers, got {kind}"
+        raise _ShapeError(f"{message} of shape {shape}")
+    return shape
+
+
+def _refuse(is_wrong: BoolArray, values: FloatArray, names: Sequence[str]) -> None:
+    wrong = np.flatnonzero(is_wrong)
+    if len(wrong):
+        row, column = divmod(int(wrong[0]), len(names))
+        message = f"column '{names[column]}', row {row + 1}: expected a finite number, got "
+        raise ParameterError([("file", f"{message}{values.reshape(-1)[wrong[0]]:g}")])

@@ -83,7 +83,7 @@ class Table(Block, ABC):
         if problem:
             raise ParameterError([(parameter, problem)])
 
-    @cached_property
+    @property
     def coefficients(self) -> FloatArray:
         """Of each segment (n - 1, 4, k): the value and its derivatives, divided by factorials."""
         times, values = self.rows
@@ -104,7 +104,7 @@ class Table(Block, ABC):
         state.form, state.pack = kind.form, kind.pack
         state.size = kind.shape[0] if kind.shape else 1
         state.times, state.last = times.copy(), values.reshape(len(times), -1)[-1].copy()
-        state.table = self.coefficients.copy()
+        state.table = self.coefficients
         # Ticks are k * dt with rounding: a value that changes at a tick must not come a tick late.
         state.early = 1e-9 * state.dt
 

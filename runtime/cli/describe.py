@@ -12,6 +12,7 @@ from pathlib import Path
 
 from blocks.core import Block
 from blocks.lazy import exports
+from blocks.limits import TABLE
 from blocks.registry import BUILTIN
 from runtime.cli.expressions_page import expressions_page
 from runtime.cli.public_api import listing
@@ -206,6 +207,13 @@ def index_file() -> str:
     return f"{INDEX}TYPES = {{\n{types}}}\nOTHERS = {{\n{others}}}\n"
 
 
+def with_limits(page: str) -> str:
+    """The text of docs/security.md with the table of limits as it is in the code."""
+    rows = "".join(f"| {what} | {limit} |\n" for what, limit in TABLE)
+    head = "| what | limit |\n|---|---|\n"
+    return re.sub(rf"{re.escape(head)}(\|.*\n)*", lambda _: head + rows, page)
+
+
 def main() -> int:
     """Write what is generated."""
     docs = Path(__file__).parents[2] / "docs"
@@ -222,6 +230,8 @@ def main() -> int:
         "expressions.md": expressions_page(),
         "gallery.md": gallery_page(),
     }
+    security = (docs / "security.md").read_text(encoding="utf-8")
+    pages["security.md"] = with_limits(security)
     for name, page in pages.items():
         (docs / name).write_text(page, encoding="utf-8")
     return 0

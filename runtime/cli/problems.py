@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import unicodedata
-from pathlib import Path
 
+from blocks.files import read_text
+from blocks.limits import GRAPH_FILE
 from runtime.errors import GraphError, Problem, SpikeblocksError, Where
 from runtime.terminal import draw, in_colour, printable
 
@@ -13,7 +14,6 @@ QUOTED = (
     20  # problems that are shown with their line; further ones would only scroll the first away
 )
 WIDTH = 96  # characters of a source line
-MAX_BYTES = 2**25
 
 
 def report(error: SpikeblocksError) -> None:
@@ -60,8 +60,7 @@ def _excerpt(where: Where, texts: dict[str, list[str]], colour: bool) -> str:
 def _lines(name: str) -> list[str]:
     """The lines of a graph's file; none if it cannot be read."""
     try:
-        with Path(name).open(encoding="utf-8-sig", errors="replace") as file:
-            return file.read(MAX_BYTES).split("\n")
+        return read_text(name, GRAPH_FILE, "utf-8-sig", "replace").split("\n")
     except (OSError, ValueError):
         return []
 

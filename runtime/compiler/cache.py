@@ -26,6 +26,8 @@ import numpy as np
 
 import blocks
 from blocks.core import Block, BlockState, SignalType
+from blocks.files import read
+from blocks.limits import MODULE
 from blocks.registry import is_built_in
 from runtime import codegen
 from runtime.codegen import Source
@@ -206,6 +208,6 @@ def salt(*packages: types.ModuleType) -> str:
         for parent, _, names in sorted(os.walk(folder)):
             for name in sorted(names):
                 if name.endswith((".py", ".h")):
-                    content = Path(parent, name).read_bytes()
+                    content = read(Path(parent, name), MODULE)
                     found.update(f"{parent} {name} {len(content)} ".encode() + content)
     return found.hexdigest()

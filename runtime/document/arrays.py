@@ -9,21 +9,18 @@ arrays of an archive beside it::
 
 from __future__ import annotations
 
-import math
 import re
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
 
-import numpy as np
-
 from blocks.core import FloatArray, StoredArray, hint
+from blocks.files import DAMAGED, UnfitError, archive, opened, read_array
+from blocks.limits import size
 from runtime.document.limits import MAX_ARRAY_BYTES, Work
 from runtime.document.node import Node
 from runtime.errors import Problems
-from runtime.streaming import DAMAGED
 
 REFERENCE = re.compile(r"([^#$][^#\n]*\.npz)#(.+)")
 # Sections of a graph or part in which a value may be an array.
@@ -63,7 +60,7 @@ def array_values(node: Node, address: str, problems: Problems, work: Work) -> No
         return node
     folder = Path(node.where.file).parent if node.where.line else Path()
     try:
-        array = _read((folder / match[1]).resolve(), match[2], match[1])
+        array = _read((folder / match[1]).resolve(), match[2], match[1], work)
     except ValueError as error:
         problems.add(node.where, address, str(error))
         problems.silence(node.where, address)
@@ -72,7 +69,7 @@ def array_values(node: Node, address: str, problems: Problems, work: Work) -> No
     return Node(array, node.where, node.key)
 
 
-def _read(path: Path, name: str, written: str) -> StoredArray:
+def _read(path: Path, name: str, written: str, work: Work) -> StoredArray:
     """One array of a file.
 
     Raises
@@ -84,14 +81,23 @@ def _read(path: Path, name: str, written: str) -> StoredArray:
         key = (str(path), status.st_mtime_ns, status.st_size, name)
         array = _READ.get(key)
         if array is None:
-            with zipfile.ZipFile(path) as archive:
-                values = _member(archive, name, written)
+            with opened(path) as file, archive(file, MAX_ARRAY_BYTES) as members:
+                names = [each.removesuffix(".npy") for each in members.namelist()]
+                if name not in names:
+                    known = hint(name, names) or f"; it has {', '.join(names[:20]) or 'none'}"
+                    raise _MissingError(f"'{written}' has no array '{name}'{known}")
+                values = read_array(members, f"{name}.npy", work.room)
             array = _READ[key] = StoredArray(values, f"{path}#{name}")
     except FileNotFoundError:
         message = "paths are relative to the file that names them"
         raise ValueError(f"there is no file '{written}'; {message}") from None
-    except _UnfitError as error:
+    except _MissingError as error:
         raise ValueError(str(error)) from None
+    except UnfitError:
+        reason = str(unfit)
+        if "limit" in reason and work.room < MAX_ARRAY_BYTES:
+            reason = f"the arrays of this graph take more than {size(MAX_ARRAY_BYTES)}"
+        raise ValueError(f"'{written}#{name}': {reason}") from None
     except MemoryError:
         raise ValueError(f"'{written}#{name}' does not fit into memory") from None
     except DAMAGED as error:
@@ -100,35 +106,8 @@ def _read(path: Path, name: str, written: str) -> StoredArray:
     return array
 
 
-class _UnfitError(Exception):
-    """Why an archive that can be read does not hold the array."""
-
-
-def _member(archive: zipfile.ZipFile, name: str, written: str) -> Any:
-    names = [each.removesuffix(".npy") for each in archive.namelist()]
-    if name not in names:
-        known = hint(name, names) or f"; it has {', '.join(names[:20]) or 'none'}"
-        raise _UnfitError(f"'{written}' has no array '{name}'{known}")
-    with archive.open(f"{name}.npy") as member:
-        # The header first: an archive of a few bytes can claim to hold any number of them.
-        version = np.lib.format.read_magic(member)
-        read_header = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }.get(version)
-        if read_header is None:
-            raise _UnfitError(f"'{written}': array '{name}' has an unknown format {version}")
-        shape, _, dtype = read_header(member)
-    if dtype.kind not in "fiu":
-        raise _UnfitError(f"'{written}': expected numbers in array '{name}', got {dtype}")
-    if math.prod(shape) * 8 > MAX_ARRAY_BYTES:
-        size = " x ".join(map(str, shape))
-        raise _UnfitError(f"'{written}#{name}': {size} numbers are more than {_LIMIT}")
-    with archive.open(f"{name}.npy") as member:
-        return np.lib.format.read_array(member, allow_pickle=False)
-
-
-_LIMIT = f"the {MAX_ARRAY_BYTES // 2**30} GiB that the arrays of a graph may take"
+class _MissingError(Exception):
+    """An archive does not hold the array."""
 
 
 def arrays_in(plain: Any, address: str = "") -> Iterator[tuple[str, StoredArray]]:

@@ -15,16 +15,14 @@ from __future__ import annotations
 from typing import NoReturn
 
 from blocks.core import StoredArray
+from blocks.limits import GRAPH_ARRAYS, GRAPH_BLOCKS, GRAPH_LEVELS, GRAPH_WORK, size
 from runtime.document.node import MAX_NODES, Node
 from runtime.document.parse_errors import MAX_DEPTH
 from runtime.errors import GraphError, Problem, Problems, Where
 
-MAX_LEVELS = 50  # files that extend or contain each other
-MAX_BLOCKS = 20_000
-# Enough to read, merge and fill in the largest document once each.
-MAX_WORK = 3 * MAX_NODES
+MAX_LEVELS, MAX_BLOCKS, MAX_WORK = GRAPH_LEVELS, GRAPH_BLOCKS, GRAPH_WORK
+MAX_ARRAY_BYTES = GRAPH_ARRAYS
 MAX_VALUE_DEPTH = 10  # of the value of a param; those of parts may hold those of parts around them
-MAX_ARRAY_BYTES = 2 * 2**30  # of all arrays of a graph together, which are held in memory
 STEPS_OF_ITEM = 10  # a number in a list is checked, converted and copied wherever a param puts it
 
 
@@ -121,8 +119,13 @@ class Work:
         """
         self.arrays[array] = array.values.nbytes
         if sum(self.arrays.values()) > MAX_ARRAY_BYTES:
-            limit = f"{MAX_ARRAY_BYTES // 2**30} GiB"
+            limit = size(MAX_ARRAY_BYTES)
             self.stop(where, address, f"the arrays of this graph take more than {limit}")
+
+    @property
+    def room(self) -> int:
+        """How many bytes further arrays may take."""
+        return MAX_ARRAY_BYTES - sum(self.arrays.values())
 
     def stop(self, where: Where, address: str, text: str) -> NoReturn:
         raise GraphError([*self.problems.items, Problem(where, address[:200], text)])

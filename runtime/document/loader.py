@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from blocks.core import hint
+from blocks.files import read
+from blocks.limits import GRAPH_FILE
 from runtime.document.arrays import with_arrays
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, Value, from_python, parse_yaml
@@ -27,7 +29,6 @@ SHIPPED = Path(__file__).resolve().parents[2] / "graphs"
 # Files in a run's, a sweep's or an ablation's folder that can be run again.
 RUNNABLE = ("plan.yaml", "graph.resolved.yaml")
 SUFFIX = ".yaml"
-MAX_BYTES = 32 * 2**20  # of one file: enough for a million values
 TYPED = ("blocks", "plots", "metrics")
 MOST_SIMILAR = 3  # names that an error message suggests
 Parse = Callable[[str, str], Node]
@@ -218,15 +219,10 @@ def read_file(path: Path, at: Location) -> bytes:
 
     Raises
     ------
-    GraphError : it cannot be read, or is larger than :data:`MAX_BYTES`.
+    GraphError : it cannot be read, or is larger than :data:`GRAPH_FILE`.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            message = f"'{path}' is larger than {MAX_BYTES // 2**20} MiB; no graph is that long"
-            raise GraphError([Problem(*at, message)])
-        return data
+        return read(path, GRAPH_FILE)
     except OSError as error:
         message = f"cannot read '{path}': {error.strerror}"
         raise GraphError([Problem(*at, message)]) from None

@@ -22,6 +22,7 @@ import numpy as np
 import yaml
 
 from blocks.core import StoredArray, plain, show
+from blocks.limits import GRAPH_VALUES
 from runtime.document.parse_errors import MAX_DEPTH, explain
 from runtime.document.scalars import in_range, parse_scalar
 from runtime.document.writer import dump_yaml as dump_yaml
@@ -29,7 +30,7 @@ from runtime.errors import NOWHERE, GraphError, Problem, Where
 
 # The C parser is many times as fast, and its events are the same.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-MAX_NODES = 1_000_000
+MAX_NODES = GRAPH_VALUES
 
 
 class Array(Protocol):

@@ -13,11 +13,12 @@ from typing import Any
 
 import yaml
 
+from blocks.limits import GRAPH_DEPTH
 from runtime.errors import Problem, Where
 
 # Of lists and mappings within each other: far below Python's limit of recursion, which every walk
 # through a tree would reach otherwise.
-MAX_DEPTH = 50
+MAX_DEPTH = GRAPH_DEPTH
 # The complement of what YAML 1.2 allows (c-printable).
 _ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 # What libyaml counts as a line: str.splitlines also breaks at form feeds.

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from blocks.core import hint
+from blocks.core import hint, similar
 from runtime.document.node import Node
 from runtime.errors import Problems
 
@@ -196,8 +196,7 @@ def strings(
 
 def closest(name: str, known: Iterable[str]) -> str:
     """The known name most similar to a misspelt one; '' if none is similar."""
-    suggestion = hint(name, known)
-    return suggestion.split("'")[1] if suggestion else ""
+    return similar(name, known)
 
 
 def misspelt_keys(node: Node, known: Iterable[str]) -> set[str]:

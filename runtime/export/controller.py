@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from blocks.files import read_text
 from runtime.compiler import fixed_sizes
 from runtime.engine import Engine
 from runtime.engine.compiled import c_plan
@@ -28,7 +29,7 @@ from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
 from runtime.export.templates import CMAKE
 from runtime.export.units import measure, write_units
-from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.files import refuse_link, system_errors, write_files
 from runtime.graph import Graph
 from runtime.toolchain import available
 
@@ -126,13 +127,13 @@ def _written(files: dict[str, str], folder: str | Path, name: str) -> tuple[Path
     there, which is left as it is.
     """
     with system_errors(f"write to '{folder}'"):
-        place = own_folder(Path(folder))
+        place = Path(folder)
+        refuse_link(place)
         build = place / CMAKE_FILE
         names = _built(build)
         if names is not None:
             files[CMAKE_FILE] = CMAKE.substitute(names=" ".join(sorted({*names, name})))
-        for file, content in files.items():
-            write_whole(own_file(place / file), content)
+        write_files({place / file: content for file, content in files.items()}, folders=True)
     return place, "" if names is not None else f"not written: {build}, which is one of your own"
 
 
@@ -140,7 +141,7 @@ def _built(build: Path) -> list[str] | None:
     """The controllers that a build written here has; None of a build that somebody changed."""
     if not build.exists():
         return []
-    text = build.read_text(encoding="utf-8", errors="replace")
+    text = read_text(build, errors="replace")
     listed = re.search(r"^set\(CONTROLLERS (.*)\)$", text, re.MULTILINE)
     names = listed[1].split() if listed else []
     return names if text == CMAKE.substitute(names=" ".join(names)) else None

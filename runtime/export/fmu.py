@@ -29,7 +29,7 @@ from runtime.export.interface import literal
 from runtime.export.layout import Layout, comment
 from runtime.export.names import check_name, member_name
 from runtime.export.selection import named_blocks, select
-from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.files import refuse_link, system_errors, write_files
 from runtime.graph import Graph
 from runtime.toolchain import Builder, TranslationUnit, available
 
@@ -102,8 +102,8 @@ def export_fmu(
     else:
         notes.append("no C compiler: the FMU has its sources, and no binary")
     with system_errors(f"write to '{folder}'"):
-        target = own_folder(Path(folder))
-        write_whole(own_file(target / f"{name}.fmu"), _archive(files))
+        refuse_link(target := Path(folder))
+        write_files({target / f"{name}.fmu": _archive(files)}, folders=True)
     there = selection.outputs
     missing = [s.address for s in recorded if s.is_state or (s.end.block, s.end.port) not in there]
     notes += [f"not a variable: {each}, a constant or a state" for each in dict.fromkeys(missing)]

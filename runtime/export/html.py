@@ -29,7 +29,7 @@ from runtime.export.shown import Shown, shown
 from runtime.export.sliders import Slider, given, sliders, usual
 from runtime.export.units import Units, write_units
 from runtime.export.wasm import module
-from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.files import refuse_link, system_errors, write_files
 from runtime.graph import Graph
 from runtime.plan import Port
 
@@ -88,8 +88,9 @@ def export_page(
     text = _page(graph, _data(layout, plots, made), packed, plots)
     file = f"{name or member_name(network.title)}.html"
     with system_errors(f"write to '{folder}'"):
-        place = own_folder(Path(folder))
-        write_whole(own_file(place / file), text)
+        place = Path(folder)
+        refuse_link(place)
+        write_files({place / file: text}, folders=True)
     report = _report(network.title, plots, made, len(text), len(packed))
     return Exported(place, (file,), report, (), tuple(map(".".join, selection.outputs)))
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.export.controller import Exported, export
-from runtime.files import own_file, system_errors, write_whole
+from runtime.files import system_errors, write_files
 from runtime.graph import Graph
 from runtime.toolchain import find_compiler
 
@@ -51,11 +51,13 @@ def export_library(
         "about": made.report.partition("\n\n")[0],
         "learning": "c->learning = on;" if made.learns else "(void)c;\n    (void)on;",
     }
-    texts = {f"{name}.py": "controller.py.txt", f"{name}_library.c": "library.c"}
+    templates = {f"{name}.py": "controller.py.txt", f"{name}_library.c": "library.c"}
+    texts = {
+        file: Template((TEMPLATES / template).read_text(encoding="utf-8")).substitute(parts)
+        for file, template in templates.items()
+    }
     with system_errors(f"write to '{folder}'"):
-        for file, template in texts.items():
-            text = Template((TEMPLATES / template).read_text(encoding="utf-8")).substitute(parts)
-            write_whole(own_file(made.folder / file), text)
+        write_files({made.folder / file: text for file, text in texts.items()})
     sources = (f"{name}.c", f"{name}_library.c")
     command = [*compiler, *FLAGS, *sources, "-lm", "-o", library]
     done = subprocess.run(command, cwd=made.folder, capture_output=True, text=True, check=False)

@@ -9,11 +9,12 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
 from runtime.errors import MissingExtraError, UsageError
-from runtime.toolchain import digest, folder
+from runtime.toolchain import digest, read, write
 
 FLAGS = (
     *("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=gnu99", "-O2"),
@@ -31,9 +32,10 @@ def module(source: str) -> bytes:
     """
     if find_spec("ziglang") is None:
         raise MissingExtraError("a page that simulates", "compiler")
-    kept = folder() / f"page_{digest(source, *FLAGS)}.wasm"
-    if kept.exists():
-        return kept.read_bytes()
+    name = f"page_{digest(source, *FLAGS)}.wasm"
+    kept = read(name)
+    if kept is not None:
+        return kept
     with tempfile.TemporaryDirectory() as place:
         path = Path(place, "page.c")
         path.write_text(source, encoding="utf-8")
@@ -44,6 +46,6 @@ def module(source: str) -> bytes:
             lines = done.stderr.strip().splitlines() or ["no message"]
             raise UsageError(f"the compiler of ziglang refuses the C of the page: {lines[0]}")
         found = made.read_bytes()
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    kept.write_bytes(found)
+    with suppress(OSError):
+        write(name, found)
     return found

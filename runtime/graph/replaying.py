@@ -20,8 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from blocks.core import hint
+from blocks.files import lines
+from blocks.limits import INDEX
 from runtime.errors import UsageError
-from runtime.files import check_form, read_text, remove_tree, system_errors
+from runtime.files import check_form, read_json, remove_tree, system_errors
 from runtime.graph.graph import Graph
 from runtime.graph.loading import load
 from runtime.network import Network
@@ -61,8 +63,8 @@ def open_session(folder: str | Path) -> Session:
     place = Path(folder)
     path = place / SESSION
     try:
-        stored = json.loads(read_text(path))
-    except ValueError as error:
+        stored = read_json(path)
+    except (OSError, ValueError) as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
     if not isinstance(stored, dict) or stored.get("session") != VERSION:
         raise UsageError(f"'{path}' is not a session of version {VERSION}, which this is")
@@ -71,8 +73,8 @@ def open_session(folder: str | Path) -> Session:
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
     session, path = load(place / GRAPH).session(), place / CHANGES
-    with system_errors(f"read '{path}'"), path.open(encoding="utf-8") as lines:
-        for number, line in enumerate(lines, 1):
+    with system_errors(f"read '{path}'"):
+        for number, line in enumerate(lines(path, INDEX), 1):
             try:
                 for tick, call, arguments in changes_of(json.loads(line)):
                     if call not in CALLS:

@@ -7,13 +7,14 @@ or ``my.yaml`` that names the arrays of ``my.npz`` beside it.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from blocks.core import Block
 from runtime.document import FILE_SECTIONS, arrays_beside, arrays_in, dump_yaml
 from runtime.errors import UsageError
-from runtime.files import system_errors, write_whole
+from runtime.files import Content, system_errors, write_files
 from runtime.network import source_file
 from runtime.streaming import save_arrays
 
@@ -50,7 +51,8 @@ def save(plain: dict[str, Any], path: Path) -> None:
     """Write the text and, if Python gave arrays, their archive; UsageError if that fails."""
     archive = path.with_suffix(".npz")
     plain, archives = arrays_beside(plain, archive.name, path.resolve().parent)
+    files: dict[Path, Content] = {}
+    for arrays in archives.values():
+        files[archive] = partial(save_arrays, arrays=arrays)
     with system_errors(f"write '{path}'"):
-        for arrays in archives.values():
-            save_arrays(archive, arrays)
-        write_whole(path, dump_yaml(plain))
+        write_files({**files, path: dump_yaml(plain)})

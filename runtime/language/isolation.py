@@ -21,6 +21,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from blocks.core import Block, BlockContext, DeclarationError, ParameterError, SignalType
+from blocks.files import read
+from blocks.limits import MODULE
 from blocks.registry import ModuleReader
 from runtime.language.module_worker import pack, receive, send
 
@@ -266,7 +268,7 @@ class Isolation:
         OSError : the file cannot be read.
         """
         file = file.resolve()
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        digest = hashlib.sha256(read(file, MODULE)).hexdigest()
         with self.lock:
             # Taken out and put back at the end, so that the dictionary's order is that of the last
             # use.

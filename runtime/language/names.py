@@ -26,6 +26,7 @@ from functools import cached_property
 from pathlib import Path
 
 from blocks.core import Block
+from blocks.files import read_text
 from runtime.document import name_problem
 from runtime.errors import UsageError
 from runtime.language.items import YamlItem, deepest
@@ -253,7 +254,7 @@ def _class_place(cls: type[Block] | None) -> list[Place]:
     source, name = getattr(cls, "source_file", None), cls.__name__
     try:
         path = Path(source or inspect.getfile(cls))
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, TypeError, ValueError):
         return []
     # Searched, and not asked of inspect: an own class lives in another process.
@@ -353,7 +354,7 @@ def _rename_class(
     if not name.isidentifier() or name in known_types(model):
         raise UsageError(f"'{name}' is no Python name, or a block type has it")
     path = places[0].path
-    text = SourceText(path.read_text(encoding="utf-8"))
+    text = SourceText(read_text(path))
     edits = {path: [(span, name) for span in _python_names(text, old)]}
     for other in {model.path.resolve(): model, **project.models}.values():
         # Only graphs that name the class's file: another file may define another class of that

@@ -14,6 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from blocks.core import Block
+from blocks.files import read_text
+from blocks.limits import GRAPH_FILE
 from blocks.registry import Modules
 from runtime.document import Node, complete_document, find_file, parse_yaml
 from runtime.errors import NOWHERE, GraphError, MissingExtraError, Problem, Where
@@ -87,7 +89,7 @@ class Surroundings:
         if unsaved is not None:
             return unsaved
         try:
-            return path.read_text(encoding="utf-8-sig", errors="replace")
+            return read_text(path, GRAPH_FILE, "utf-8-sig", "replace")
         except (OSError, ValueError):
             return None
 

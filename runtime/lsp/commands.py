@@ -16,6 +16,7 @@ from lsprotocol import types
 from pygls.lsp.server import LanguageServer
 
 from runtime.errors import SpikeblocksError
+from runtime.files import write_whole
 from runtime.lsp.session import Session, path_of
 
 COMMANDS = {
@@ -42,7 +43,7 @@ def add_commands(server: LanguageServer, session: Session) -> None:
             return found
         folder = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
         path = folder / f"{path_of(uri).stem}.svg"
-        path.write_text(found["svg"], encoding="utf-8")
+        write_whole(path, found["svg"])
         _show(ls, session, path)
         return {"file": str(path)}
 

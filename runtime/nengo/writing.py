@@ -8,6 +8,7 @@ In: a :class:`~runtime.nengo.conversion.Converted`. Out: their texts and arrays,
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.document import flow_yaml
-from runtime.files import system_errors, write_whole
+from runtime.files import Content, system_errors, write_files
 from runtime.nengo.conversion import Converted, Options
 from runtime.nengo.nodes import HEADER
 from runtime.streaming import save_arrays
@@ -57,17 +58,15 @@ def write(path: Path, text: str, arrays: dict[str, FloatArray], own: str) -> lis
     ------
     UsageError : a file cannot be written.
     """
-    written = [path]
-    with system_errors(f"write '{path}'"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if arrays:
-            written.append(path.with_suffix(".npz"))
-            save_arrays(written[-1], arrays)
-        if own:
-            written.append(path.with_name(f"{path.stem}_blocks.py"))
-            write_whole(written[-1], own)
-        write_whole(path, text)
-    return written
+    written: dict[Path, Content] = {}
+    if arrays:
+        written[path.with_suffix(".npz")] = partial(save_arrays, arrays=arrays)
+    if own:
+        written[path.with_name(f"{path.stem}_blocks.py")] = own
+    written[path] = text
+    with system_errors():
+        write_files(written, folders=True)
+    return [path, *(each for each in written if each != path)]
 
 
 def _value(value: Any, name: str, arrays: dict[str, FloatArray], archive: str) -> Any:

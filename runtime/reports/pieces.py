@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from blocks.files import read_text
 from runtime import terminal
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
 from runtime.experiments.analysis import NEVER, SAME, lost
-from runtime.files import read_text, slug
+from runtime.files import slug
 from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
 from runtime.runs import RESOLVED

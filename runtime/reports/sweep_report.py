@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from runtime.experiments.analysis import (
 )
 from runtime.experiments.analysis.sweep_plots import sweep_figures
 from runtime.experiments.execution import GRAPH, INDEX, SUMMARY, Columns, Row, read_plan, read_rows
+from runtime.files import read_json
 from runtime.reports import pieces
 from runtime.reports.findings import of_sweep
 from runtime.reports.html import Html, element, facts, join, page, table
@@ -148,7 +148,7 @@ def _facts(swept: _Sweep, configurations: int) -> Html:
 def _wall(folder: Path) -> str:
     """The duration of the last session of the sweep, if it was completed."""
     try:
-        seconds = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["wall_s"]
+        seconds = read_json(folder / SUMMARY)["wall_s"]
         return f"{float(seconds):.3g} s"
     except (OSError, ValueError, KeyError, TypeError):
         return "unknown"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from runtime.experiments.analysis import NEVER, SAME, SAME_RUNS, too_few
 from runtime.experiments.execution import GRAPH, check_entries, read_plan
 from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING, TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
-from runtime.files import MAYBE_NUMBER, check_form, read_text
+from runtime.files import MAYBE_NUMBER, check_form, read_json
 from runtime.reports import pieces
 from runtime.reports.findings import of_tuning
 from runtime.reports.html import Html, element, facts, join, page, table
@@ -83,7 +82,7 @@ def tuning_report(folder: Path) -> str:
 
 def _read(folder: Path) -> dict[str, Any]:
     try:
-        stored = json.loads(read_text(folder / TUNING))
+        stored = read_json(folder / TUNING)
         check_form(stored, _STORED)
         if stored.get("schema_version") != 1:
             check_entries(stored)

@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray
+from blocks.files import read
+from blocks.limits import GRAPH_ARRAYS
 from runtime.engine import (
     Carried,
     Engine,
@@ -118,7 +120,7 @@ class Checkpoints:
         result.notes += self.notes
         path, origin = self.folder / CHECKPOINT, result.origin
         if path.exists():
-            data = path.read_bytes()
+            data = read(path, GRAPH_ARRAYS)
 
             def with_checkpoint() -> tuple[dict[str, str], dict[str, bytes]]:
                 texts, files = origin()

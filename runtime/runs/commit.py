@@ -17,6 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 
+from blocks.files import opened
+
 TIMEOUT = 5.0  # s
 _HASH = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
 MAX_BYTES = 1 << 24  # that are read of a file
@@ -57,7 +59,7 @@ def _repository(folder: Path) -> tuple[Path, Path, Path] | None:
 
 
 def _read(path: Path) -> str:
-    with path.open("rb") as file:
+    with opened(path) as file:
         return file.read(MAX_BYTES).decode("utf-8")
 
 

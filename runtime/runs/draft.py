@@ -23,17 +23,17 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any
-
-import numpy as np
 
 from blocks.core import FloatArray
+from blocks.files import read
+from blocks.limits import GRAPH_ARRAYS
 from runtime.engine import recording_file, row_times
 from runtime.errors import UsageError
 from runtime.files import lock, open_file, point_link, remove_tree, slug, system_errors
 from runtime.observation import RunData
 from runtime.runs.commit import git_commit
 from runtime.runs.folder import MANIFEST, RESOLVED, WRITTEN, read_manifest, run_from_manifest, write
+from runtime.streaming import DAMAGED, open_rows
 
 PARTIAL, RECORDING, RUN, LOCK = ".partial", "recording", "run", "lock"
 # Hidden folders of runs; earlier versions had one for recordings only.
@@ -293,7 +293,7 @@ def _read_recording(source: Path) -> RunData:
     result = run_from_manifest(source, details, arrays, dict.fromkeys(map(str, names)))
     texts = {WRITTEN, RESOLVED, MANIFEST}
     result.files = {
-        path.name: path.read_bytes()
+        path.name: read(path, GRAPH_ARRAYS)
         for path in source.iterdir()
         if path.suffix != ".npy" and path.name not in texts and not path.is_symlink()
     }
@@ -303,7 +303,7 @@ def _read_recording(source: Path) -> RunData:
 def _rows(path: Path) -> FloatArray | None:
     """The recorded rows of a probe; None if there are none."""
     try:
-        rows: Any = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+        rows = open_rows(path)
+    except DAMAGED:
         return None
-    return np.asarray(rows) if rows.dtype == np.float64 and len(rows) else None
+    return rows if rows.ndim and len(rows) else None

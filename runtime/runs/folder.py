@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, show
+from blocks.files import read, read_text
+from blocks.limits import GRAPH_ARRAYS
 from blocks.world import World
 from runtime.document import SECOND, TIME_UNITS, arrays_beside, rename_files
 from runtime.errors import UsageError
@@ -31,7 +33,7 @@ from runtime.files import (
     check_form,
     is_number,
     json_text,
-    read_text,
+    parse_json,
     sha256,
     system_errors,
     write_json,
@@ -106,7 +108,7 @@ def contents(files: Mapping[str, Path | bytes], texts: Mapping[str, bytes]) -> d
             continue
         with system_errors(f"read '{path}'"):
             content = texts.get(str(path.resolve()))
-            data[name] = path.read_bytes() if content is None else content
+            data[name] = read(path, GRAPH_ARRAYS) if content is None else content
     return data
 
 
@@ -368,7 +370,7 @@ def _text(path: Path) -> str:
 
 def _mapping(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(_text(path))
+        data = parse_json(_text(path))
         # Half a character (a lone surrogate) can be read but not written.
         json.dumps(data, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:

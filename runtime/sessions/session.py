@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
@@ -30,7 +31,7 @@ from runtime.engine import (
     is_within,
 )
 from runtime.errors import NotCopiedError, SimulationError, UsageError
-from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.files import Content, refuse_link, remove_tree, system_errors, write_files
 from runtime.runs import (
     Pacing,
     Result,
@@ -402,16 +403,24 @@ class Session:
         result = self._result()
         if place.exists():
             raise UsageError(f"'{place}' exists already; choose another folder")
-        plain, files = portable(self.first.to_dict(modules=True), self.first.texts)
+        plain, named = portable(self.first.to_dict(modules=True), self.first.texts)
         with system_errors(f"write '{place}'"):
-            own_folder(place)
-            for name, data in contents(files, self.first.texts).items():
-                write_whole(own_file(place / name), data)
-            write_whole(own_file(place / GRAPH), dump_yaml(plain))
-            write_whole(own_file(place / CHANGES), lines)
-            result.save(place / RUN)
-            # Last: without it, the folder is no session.
-            write_whole(own_file(place / SESSION), json.dumps(content))
+            beside = contents(named, self.first.texts)
+            refuse_link(place)
+            fresh = place.with_name(f".{place.name}-{os.urandom(3).hex()}.partial")
+            try:
+                written: dict[str, Content] = {
+                    GRAPH: dump_yaml(plain),
+                    CHANGES: lines,
+                    SESSION: json.dumps(content),
+                }
+                written |= beside
+                write_files({fresh / name: data for name, data in written.items()}, True)
+                result.save(fresh / RUN)
+                fresh.rename(place)
+            except BaseException:
+                remove_tree(fresh)
+                raise
         return place
 
     def __repr__(self) -> str:

@@ -33,6 +33,14 @@ if TYPE_CHECKING:
         build,
         processors,
     )
-    from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
+    from runtime.toolchain.store import (
+        VARIABLE,
+        digest,
+        folder,
+        read,
+        read_record,
+        write,
+        write_record,
+    )
 else:
     __getattr__ = door(__name__)

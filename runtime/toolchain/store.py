@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 from weakref import finalize
 
+from blocks import files
 from runtime.files import remove_tree, write_whole
 
 VARIABLE = "SPIKEBLOCKS_CACHE"
@@ -43,54 +44,51 @@ WORK = ".build-"
 def folder() -> Path:
     """The cache folder: ``$SPIKEBLOCKS_CACHE``, or one in the user's cache folder.
 
-    If that cannot be written, or others may write to it, a temporary folder of this process.
+    If that cannot be written, or others may write to it or replace it, a temporary folder of this
+    process. Checked each time, since what is in it is executed.
     """
-    return _folder(os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME"))
+    path = _folder(os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME"))
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been removed
+        return path if _is_private(path) else _own_folder()
+    except OSError:
+        return _own_folder()
 
 
 @cache
 def _folder(chosen: str | None, base: str | None) -> Path:
     try:
         path = Path(chosen) if chosen else Path(base or Path.home() / ".cache") / "spikeblocks"
-        if _is_private(path):
-            return path.absolute()
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if path.is_symlink() or not _is_private(path):
+            return _own_folder()
+        path.chmod(0o700)
+        with tempfile.TemporaryFile(dir=path):
+            # Without links on the way, which others could point elsewhere.
+            return path.resolve()
     except (OSError, RuntimeError):  # no home folder is a RuntimeError
-        pass
-    return _own_folder()
+        return _own_folder()
 
 
 def _is_private(path: Path) -> bool:
-    """Create a folder if it is missing; returns whether only the user may write to it.
-
-    Raises
-    ------
-    OSError : it cannot be created or written.
-    """
-    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    """Whether only the user can put files into a folder, and only root besides can replace it."""
     # Under Windows, the mode says nothing, and a profile is its user's alone.
-    if hasattr(os, "getuid") and not _is_of(os.getuid(), path):
-        return False
-    with tempfile.TemporaryFile(dir=path):
+    if not hasattr(os, "getuid"):
         return True
-
-
-def _is_of(user: int, path: Path) -> bool:
-    """Whether a folder is that user's, and nobody else can put files there or replace it."""
-    status = path.lstat()
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != user:
-        return False
-    if status.st_mode & OTHERS_WRITE:
+    user, status = os.getuid(), path.lstat()
+    is_own = stat.S_ISDIR(status.st_mode) and status.st_uid == user
+    if not is_own or status.st_mode & OTHERS_WRITE:
         return False  # others may have written to it
-    if any(_is_open(parent) for parent in path.resolve().parents):
-        return False  # others could put another folder in its place
-    path.chmod(0o700)
-    return True
+    return all(_is_closed(parent.lstat(), user) for parent in path.resolve().parents)
 
 
-def _is_open(parent: Path) -> bool:
-    """Whether everybody may rename what is in a folder."""
-    mode = parent.stat().st_mode
-    return bool(mode & stat.S_IWOTH) and not mode & stat.S_ISVTX
+def _is_closed(status: os.stat_result, user: int) -> bool:
+    """Whether no other user can put another folder in the place of one that is in a folder.
+
+    Its owner can, whatever its mode; so can who may write to it, unless it is sticky.
+    """
+    is_shared = status.st_mode & OTHERS_WRITE and not status.st_mode & stat.S_ISVTX
+    return status.st_uid in (0, user) and not is_shared
 
 
 @cache
@@ -105,11 +103,6 @@ def _remove_own(path: Path, process: int) -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def _exists() -> None:
-    """Make the folder again if it was removed meanwhile."""
-    folder().mkdir(mode=0o700, parents=True, exist_ok=True)
-
-
 def digest(*parts: str) -> str:
     """A name for what an entry is made from."""
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
@@ -117,14 +110,15 @@ def digest(*parts: str) -> str:
 
 def verified_path(name: str) -> Path | None:
     """The file of an entry; None if it is missing or its content is not what was stored."""
-    return None if read(name) is None else folder() / name
+    path = folder() / name
+    return None if read(name) is None or path.parent != folder() else path
 
 
 def read(name: str) -> bytes | None:
     """The content of an entry; None if it is missing or is not what was stored."""
     path = folder() / name
     try:
-        content, seal = path.read_bytes(), (folder() / f"{name}{SEAL}").read_bytes()
+        content, seal = (files.read(each, LIMIT) for each in (path, Path(f"{path}{SEAL}")))
     except OSError:
         return None
     if seal != _hash(content):
@@ -142,9 +136,8 @@ def write(name: str, content: bytes) -> Path:
     ------
     OSError : it cannot be written.
     """
-    _exists()
     path = folder() / name
-    for file, data in ((path, content), (folder() / f"{name}{SEAL}", _hash(content))):
+    for file, data in ((path, content), (Path(f"{path}{SEAL}"), _hash(content))):
         if file.is_dir():
             remove_tree(file)
         write_whole(file, data)
@@ -172,7 +165,6 @@ def work_folder() -> Iterator[Path]:
     OSError : it cannot be created.
     """
     path = folder() / f"{WORK}{secrets.token_hex(8)}"
-    _exists()
     path.mkdir(mode=0o700)
     try:
         yield path
@@ -198,7 +190,7 @@ def shrink_at_times() -> None:
 def shrink(limit: int = LIMIT) -> None:
     """Remove the oldest files if the folder is larger than its limit (bytes), and what killed
     builds left."""
-    now, files = time.time(), []
+    now, found = time.time(), []
     # Other processes add and remove files meanwhile: os.walk passes over what is gone.
     for place, folders, names in os.walk(folder()):
         for name in (*folders, *names):
@@ -208,11 +200,11 @@ def shrink(limit: int = LIMIT) -> None:
                 if name.startswith(WORK) and now - status.st_mtime > DAY:
                     remove_tree(path)
                 elif not stat.S_ISDIR(status.st_mode) and path.suffix != SEAL:
-                    files.append((status.st_mtime, str(path), status.st_size))
-    total = sum(size for _, _, size in files)
+                    found.append((status.st_mtime, str(path), status.st_size))
+    total = sum(size for _, _, size in found)
     if total <= limit:
         return
-    for _, path_text, size in sorted(files):
+    for _, path_text, size in sorted(found):
         for file in (Path(path_text), Path(path_text + SEAL)):
             with suppress(OSError):
                 file.unlink()

@@ -65,7 +65,7 @@ def _details(text: str) -> list[str]:
 def run(options: Namespace) -> int:
     """Write the block diagram."""
     from runtime.diagrams import format_of
-    from runtime.files import system_errors
+    from runtime.files import system_errors, write_out
 
     graph = changed_graph(options.graph, options)
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
@@ -77,6 +77,6 @@ def run(options: Namespace) -> int:
         sys.stdout.buffer.write(content)
         return 0
     with system_errors(f"write '{written}'"):
-        Path(written).write_bytes(content)
+        write_out(Path(written), content)
     show(written)
     return 0

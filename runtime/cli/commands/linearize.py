@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from runtime.arguments import add_json, add_style, at_least
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
+from runtime.files import write_out
 from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def _trimmed(
         (show if found.is_equilibrium else tell)(trim_text(found))
     if not found.is_equilibrium:
         return None
-    Path(options.trim).write_text(overlay_text(graph.title, found), encoding="utf-8")
+    write_out(Path(options.trim), overlay_text(graph.title, found))
     if not options.json:
         show(f"{options.trim}\n")
     return graph.overlay(options.trim), {

@@ -108,14 +108,10 @@ def _write(texts: dict[Path, str], folders: bool = False) -> None:
     ------
     UsageError : one of them exists, or cannot be written.
     """
-    from runtime.files import system_errors
+    from runtime.files import system_errors, write_files
 
     for path in texts:
         if path.exists() or path.is_symlink():
             raise UsageError(f"'{path}' exists already; choose another name, or remove it")
-    for path, text in texts.items():
-        with system_errors(f"write '{path}'"):
-            if folders:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
+    with system_errors():
+        write_files(texts, folders)

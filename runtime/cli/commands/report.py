@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from runtime.arguments import add_json
+from runtime.files import write_out
 from runtime.terminal import show, show_json
 
 HELP = "write one self-contained HTML file about a run, sweep, ablation, tuning or contest"
@@ -45,7 +46,7 @@ def run(options: Namespace) -> int:
     written = Path(options.out) if options.out else page.folder / "report.html"
     with system_errors(f"write '{written}'"):
         if options.out:
-            _write(written.resolve(), page.html)
+            write_out(written, page.html)
         else:
             check_inside(page.folder)
             write_whole(written, page.html)
@@ -55,13 +56,3 @@ def run(options: Namespace) -> int:
     else:
         show(written)
     return 0
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file atomically; a pipe or device is written to directly."""
-    from runtime.files import write_whole
-
-    if path.exists() and not path.is_file():
-        path.write_text(text, encoding="utf-8")
-        return
-    write_whole(path, text)

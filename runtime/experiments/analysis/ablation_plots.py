@@ -7,7 +7,6 @@ at the large end of the axis.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -36,6 +35,7 @@ from runtime.experiments.analysis.words import (
 )
 from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import RUNS, TABLE, TRAJECTORY_PLOTS, Row
+from runtime.files import read_json
 from runtime.observation import Recording, RunData
 from runtime.plots import (
     COLOURS,
@@ -121,7 +121,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
     """
     path = folder / TABLE
     try:
-        facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        facts: dict[str, Any] = read_json(path)
     except (OSError, ValueError) as error:
         raise UsageError(f"cannot read '{path}': {error}") from None
     return facts

@@ -9,7 +9,6 @@ are reported together, with line and column::
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -52,7 +51,7 @@ from runtime.experiments.design.recognition import is_experiment
 from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import GraphVariant
-from runtime.files import slug
+from runtime.files import read_json, slug
 from runtime.graph import Graph, load
 
 TUNED = "tuning:"  # before the name of a tuning, in ``with``
@@ -361,7 +360,7 @@ class _ExperimentReader:
         for path in (place / "tuning.json" for place in places):
             if path.is_file():
                 try:
-                    stored = json.loads(path.read_text(encoding="utf-8"))
+                    stored = read_json(path)
                     winner = (*stored["front"], 0)[0]
                     values = stored["configurations"][winner]["values"] or {}
                 except (OSError, ValueError, KeyError, TypeError, IndexError) as error:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from blocks.files import read_text
 from runtime.diagrams import stored_picture
 from runtime.document import dump_yaml, parse_yaml
 from runtime.errors import GraphError, UsageError
@@ -137,7 +138,7 @@ def _create(plan: ExperimentPlan, folder: Path) -> None:
         _write_bundle(plan.bundle, partial)
         picture = stored_picture(plan.graph.network, plan.graph.observation.probes.values())
         if picture is not None:
-            (partial / DIAGRAM).write_text(picture, encoding="utf-8")
+            write_whole(partial / DIAGRAM, picture)
         for variant in plan.variants:
             if variant.name != BASELINE:
                 _write_bundle(variant.bundle, partial / VARIANTS / variant.slug)
@@ -156,9 +157,9 @@ def write_plan(plan: ExperimentPlan, folder: Path) -> None:
 
 def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / GRAPH).write_text(bundle.text, encoding="utf-8")
+    write_whole(folder / GRAPH, bundle.text)
     for name, content in bundle.beside:
-        (folder / name).write_bytes(content)
+        write_whole(folder / name, content)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
@@ -189,7 +190,7 @@ def _stored_plan(folder: Path) -> dict[str, Any]:
     """The content of plan.yaml, which need not be what was written."""
     path = folder / PLAN
     try:
-        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
+        stored = parse_yaml(read_text(path), str(path)).plain()
     except (OSError, UnicodeDecodeError, GraphError) as error:
         raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
     if not isinstance(stored, dict) or stored.get("schema_version") not in READ_VERSIONS:
@@ -207,7 +208,7 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
     _refuse_links(folder)
     stored = _stored_plan(folder)
     try:
-        text = (folder / GRAPH).read_text(encoding="utf-8")
+        text = read_text(folder / GRAPH)
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
     if stored.get("digest") == plan.digest:

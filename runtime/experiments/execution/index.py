@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, get_args
 
+from blocks.files import lines
+from blocks.limits import INDEX, LINE
 from runtime.errors import UsageError, one_line
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Status, TrialResult
@@ -31,7 +33,7 @@ OLD_FIRST = "point"  # the same column in indexes of earlier versions
 STATUSES = get_args(Status)
 NO_SIGNAL = "-"
 LONGEST_REASON = 2000  # characters that are written
-LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
+LONGEST_FIELD = LINE  # characters that are read; the csv module stops at 128 KiB by default
 # A spreadsheet would interpret such a string as a formula, and run it.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
@@ -154,9 +156,8 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
     csv.field_size_limit(max(csv.field_size_limit(), LONGEST_FIELD))
     try:
         # A byte that is no UTF-8 is found by the check of its row, which gives the line.
-        with path.open(encoding="utf-8", errors="surrogateescape", newline="") as lines:
-            reader = csv.reader(lines)
-            yield from _checked_rows(path, columns, reader)
+        reader = csv.reader(lines(path, INDEX, errors="surrogateescape"))
+        yield from _checked_rows(path, columns, reader)
     except OSError as error:
         raise UsageError(f"cannot read '{path}': {error}") from None
 
@@ -253,7 +254,7 @@ class Index:
     @staticmethod
     def create(path: Path, columns: Columns) -> None:
         """Write an index without rows."""
-        path.write_text(csv_line(columns.header), encoding="utf-8")
+        write_whole(path, csv_line(columns.header))
 
     def _cut_incomplete_line(self) -> None:
         """Remove a last line that is incomplete because its writer was killed.

@@ -16,8 +16,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.design import Objective
@@ -27,6 +25,7 @@ from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Task, TrialResult
 from runtime.files import write_whole
 from runtime.runs import save
+from runtime.streaming import DAMAGED, open_arrays, save_arrays
 
 SERIES = "series"  # the folder of signals that figures show
 TRIALS, OLD_TRIALS = "trials", "points"  # folders; the second of earlier versions
@@ -128,7 +127,7 @@ def save_series(done: TrialResult, folder: Path, number: int) -> None:
         arrays: dict[str, Any] = {}
         for signal, (t, values) in done.series.items():
             arrays |= {f"{signal} t": t, signal: values}
-        np.savez(content, **arrays)
+        save_arrays(content, arrays)
         (folder / SERIES).mkdir(exist_ok=True)
         write_whole(folder / SERIES / f"{number:06d}.npz", content.getvalue())
 
@@ -142,9 +141,9 @@ def read_series(folder: Path, number: int, signal: str) -> tuple[FloatArray, Flo
     """
     path = folder / SERIES / f"{number:06d}.npz"
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            return (stored[f"{signal} t"], stored[signal]) if signal in stored else None
+        stored = open_arrays(path)
+        return (stored[f"{signal} t"], stored[signal]) if signal in stored else None
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError) as error:
+    except DAMAGED as error:
         raise UsageError(f"cannot read '{path}': {error}") from None

@@ -7,7 +7,6 @@ A mark is filled where the contestant differs significantly from the first one.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from matplotlib.figure import Figure
 from runtime.errors import UsageError
 from runtime.experiments.analysis.ablation_plots import draw_intervals
 from runtime.experiments.tuning.contest import CONTEST
-from runtime.files import read_text
+from runtime.files import read_json
 from runtime.plots import LOOKS, WIDTH, headline, styled
 
 FACTS = (
@@ -56,7 +55,7 @@ def read_contest(folder: Path) -> dict[str, Any]:
     UsageError : it cannot be read.
     """
     try:
-        facts: dict[str, Any] = json.loads(read_text(folder / CONTEST))
+        facts: dict[str, Any] = read_json(folder / CONTEST)
     except (OSError, ValueError) as error:
         raise UsageError(f"cannot read '{folder / CONTEST}': {error}") from None
     return facts

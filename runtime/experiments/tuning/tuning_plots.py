@@ -6,7 +6,6 @@ In: the folder of a tuning. Out: figures by name, ``history``, ``importance``, `
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from runtime.errors import UsageError
 from runtime.experiments.analysis import NEVER
 from runtime.experiments.analysis.figures import WIDTH, beyond, panels
 from runtime.experiments.tuning.plan import TUNING
+from runtime.files import read_json
 from runtime.plots import COLOURS, GREY, label_log, styled
 from runtime.terminal import with_unit
 
@@ -74,7 +74,7 @@ def _float(value: Any) -> float:
 
 def _read(folder: Path) -> _Data:
     try:
-        stored = json.loads((folder / TUNING).read_text(encoding="utf-8"))
+        stored = read_json(folder / TUNING)
         return _Data(str(stored["experiment"]), stored, stored["configurations"][1:])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UsageError(f"cannot read the tuning in '{folder}': {error}") from None

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from blocks.core import MissingPackageError, require
+from blocks.files import read_text
 from runtime.document import full_path
 from runtime.errors import MissingExtraError, UsageError
 from runtime.experiments.design import Experiment
@@ -57,7 +58,7 @@ def write_values(experiment: Experiment, values: Mapping[str, Any]) -> Path:
     path = check_writable(experiment)
     yaml = _yaml()
     try:
-        document = yaml.load(path.read_text(encoding="utf-8"))
+        document = yaml.load(read_text(path))
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"--write: cannot read '{path}': {error}") from None
     is_graph = not any(key in document for key in ("experiment", "vary", "variants", "training"))

@@ -143,9 +143,9 @@ def test_a_change_and_an_initial_state_name_arrays(folder: Path) -> None:
         ("w.npz#ww", "has no array 'ww', did you mean 'w'?"),
         ("x.npz#w", "there is no file 'x.npz'; paths are relative to the file that names them"),
         ("bad.npz#w", "'bad.npz' is no archive as numpy.savez writes it"),
-        ("w.npz#t", "expected numbers in array 't', got <U3"),
+        ("w.npz#t", "'w.npz#t': expected numbers, got <U3"),
         ("w.npz#n", "expected a number or an array of n or m x n numbers, got an array of"),
-        ("huge.npz#w", "'huge.npz#w': 1000000000 x 1000000000 numbers are more than the 2 GiB"),
+        ("huge.npz#w", "'huge.npz#w': 1000000000 x 1000000000 numbers are more than 2 GiB"),
         ("$dir/w.npz#w", "there is no param 'dir'"),
     ],
 )

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 import runtime
 from blocks.core.hints import CANDIDATES, hint
+from blocks.limits import GRAPH_FILE
 from runtime.document import limits
 from runtime.document import node as document
 from runtime.document.limits import MAX_BLOCKS, MAX_LEVELS, MAX_WORK, Measure, Work
-from runtime.document.loader import MAX_BYTES
 from runtime.document.node import MAX_NODES, Node, parse_yaml
 from runtime.document.parse_errors import MAX_DEPTH
 from runtime.errors import MAX_PROBLEMS, NOWHERE, GraphError, Problems, Where
@@ -184,7 +184,7 @@ def test_blocks_problems_and_python_values_are_counted(monkeypatch: pytest.Monke
 def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
     large = tmp_path / "large.yaml"
     with large.open("wb") as file:
-        file.truncate(100 * MAX_BYTES)  # a sparse file
+        file.truncate(100 * GRAPH_FILE)  # a sparse file
     assert "is larger than 32 MiB" in refused(large)
     write(tmp_path, {"top.yaml": "extends: large.yaml\n"})
     assert refused(tmp_path / "top.yaml").startswith(f"{tmp_path}/top.yaml:1:10: extends: ")

@@ -175,3 +175,25 @@ def test_files_may_go_while_the_folder_is_looked_at(
         monkeypatch.setattr(Path, "lstat", slow)
         store.shrink(limit=1_500)
     assert store.read("entry0") is not None and store.read("entry2") is None
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="changes owners")
+@pytest.mark.parametrize(
+    ("owner", "mode"),
+    [(65534, 0o755), (0, 0o775), (0, 0o777), (65534, 0o1777)],
+    ids=["of another user", "of a group", "of all", "sticky, of another user"],
+)
+def test_a_folder_below_one_that_others_control_is_not_used(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, owner: int, mode: int
+) -> None:
+    wanted = tmp_path / "parent" / "cache"
+    monkeypatch.setenv(store.VARIABLE, str(wanted))
+    assert store.folder() == wanted and store.write("below", b"content").parent == wanted
+    # After it was found to be good: it is checked each time.
+    os.chown(wanted.parent, owner, -1)
+    wanted.parent.chmod(mode)
+    assert store.folder() != wanted and store.read("below") is None
+    assert store.verified_path("below") is None
+    os.chown(wanted.parent, 0, -1)
+    wanted.parent.chmod(0o1777)  # as /tmp is
+    assert store.read("below") == b"content"
