@@ -93,7 +93,7 @@ def _read(path: Path, name: str, written: str, work: Work) -> StoredArray:
         raise ValueError(f"there is no file '{written}'; {message}") from None
     except _MissingError as error:
         raise ValueError(str(error)) from None
-    except UnfitError:
+    except UnfitError as unfit:
         reason = str(unfit)
         if "limit" in reason and work.room < MAX_ARRAY_BYTES:
             reason = f"the arrays of this graph take more than {size(MAX_ARRAY_BYTES)}"
