@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from blocks.foreign import raised_text
+
 if TYPE_CHECKING:
     from importlib.metadata import Distribution, EntryPoint
 
@@ -195,8 +197,8 @@ class Registry(dict[str, T]):
     def _load(self, what: str, load: Callable[[], Any]) -> T | BrokenPackageError:
         try:
             found: Any = load()
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- a package may raise anything
-            reason = f"cannot be imported: {type(error).__name__}: {error}"
+        except BaseException as error:  # noqa: BLE001 -- a package may raise anything
+            reason = f"cannot be imported: {raised_text(error, with_place=False)}"
         else:
             if self.accepts(found):
                 entry: T = found

@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, Input, Output, Param, Setting, Variant
+from blocks.files import opened
+from blocks.limits import MODULE
 from blocks.registry import BLOCKS, blocks_of_module
-from runtime.errors import UsageError
+from runtime.errors import UsageError, raised_text
 from runtime.terminal import table
 
 TableRow = tuple[str, str, str, str]
@@ -41,11 +43,13 @@ def own_blocks(file: str) -> dict[str, type[Block]]:
     UsageError : it cannot be loaded.
     """
     try:
-        return blocks_of_module(Path(file))
+        opened(file, MODULE).close()
     except OSError as error:
         raise UsageError(f"cannot read '{file}': {error.strerror or error}") from None
-    except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
-        raise UsageError(f"cannot load '{file}': {type(error).__name__}: {error}") from None
+    try:
+        return blocks_of_module(Path(file))
+    except BaseException as error:  # noqa: BLE001 -- a user's file may raise anything
+        raise UsageError(f"cannot load '{file}': {raised_text(error)}") from None
 
 
 def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:

@@ -9,12 +9,14 @@ exception with all of it, sorted::
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
+from blocks.foreign import ROOT as ROOT
+from blocks.foreign import raised_at as raised_at
+from blocks.foreign import raised_text as raised_text
+from blocks.foreign import text_of as text_of
 from blocks.limits import PROBLEMS
 
 
@@ -32,7 +34,6 @@ class Where:
         return f"{self.file}:{self.line}:{self.column}"
 
 
-ROOT = Path(__file__).resolve().parents[1]
 NOWHERE = Where()
 # Where something is written, and its address in the graph: 'blocks.lqr.q', or '' for the whole.
 Location = tuple[Where, str]
@@ -60,30 +61,6 @@ class Problem:
 def one_line(text: str) -> str:
     """A string as one line: characters that cannot be printed are escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
-def raised_at(error: BaseException) -> str:
-    """``file.py:12``, where an exception was raised: in the user's own code if it passed there.
-
-    An error that our code raises, because of what a user's block did, is then blamed on the line
-    that did it. '' if the exception passed through no file.
-    """
-    from sysconfig import get_paths
-    from traceback import extract_tb
-
-    # '<plan>' and '<string>' are generated text: no file that a user could open.
-    frames = [f for f in extract_tb(error.__traceback__) if not f.filename.startswith("<")]
-    ours = tuple(f"{ROOT / package}{os.sep}" for package in ("blocks", "runtime"))
-    others = (*ours, *(f"{get_paths()[key]}{os.sep}" for key in ("stdlib", "purelib", "platlib")))
-    own = [f for f in frames if not f.filename.startswith(others)]
-    # In this order: the user's own file, a package that it calls, this project (whose bug it then
-    # is).
-    own = own or [f for f in frames if not f.filename.startswith(ours)] or frames
-    if not own:
-        return ""
-    path = Path(own[-1].filename)
-    path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return f"{path}:{own[-1].lineno}"
 
 
 class SpikeblocksError(Exception):

@@ -18,6 +18,7 @@ import numpy as np
 from blocks.core import (
     BlockContext,
     BlockState,
+    BoolArray,
     FloatArray,
     ParameterError,
     SignalType,

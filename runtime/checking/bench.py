@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from blocks.core import Block, BlockContext, BlockState, Evaluation, FloatArray, SignalType
-from runtime.errors import NotCopiedError
+from runtime.errors import NotCopiedError, raised_text
 from runtime.memory import Record, SharedPlaces
 
 OUTSIDE = "draw random numbers from state.rng, and keep what changes in a State of the class"
@@ -223,9 +223,9 @@ class Bench:
         """Call, and check that the block itself does not change."""
         try:
             result = call()
-        except Exception as error:
+        except BaseException as error:
             where = f"{type(self.block).__name__}.{method}"
-            raise CheckError(f"{where}: {type(error).__name__}: {error}") from error
+            raise CheckError(f"{where}: {raised_text(error, with_place=False)}") from error
         now = attributes(self.block)
         for name in changed(self.attributes, now):
             lazy = inspect.getattr_static(type(self.block), name, None)

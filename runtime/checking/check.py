@@ -21,6 +21,7 @@ from blocks.core import (
 from blocks.registry import is_built_in
 from runtime.checking.bench import OUTSIDE, Bench, CheckError
 from runtime.compiler import refusals
+from runtime.errors import raised_text
 
 if TYPE_CHECKING:
     from blocks.world import World
@@ -106,8 +107,9 @@ def _check_parameters(block: Block) -> None:
     name = type(block).__name__
     try:
         same = type(block)(**block.parameters()) == block
-    except Exception as error:
-        raise CheckError(f"{name}: cannot be rebuilt from parameters(): {error}") from error
+    except BaseException as error:
+        reason = raised_text(error, with_place=False)
+        raise CheckError(f"{name}: cannot be rebuilt from parameters(): {reason}") from error
     if not same:
         raise CheckError(f"{name}: differs when rebuilt from parameters()")
 

@@ -21,7 +21,7 @@ from blocks.extensions import BrokenPackageError
 from runtime.cli.commands import VERBS, Verb
 from runtime.cli.parser import Parser, examples
 from runtime.cli.problems import report
-from runtime.errors import SpikeblocksError, UsageError, one_line, raised_at
+from runtime.errors import SpikeblocksError, UsageError, one_line, raised_at, raised_text
 from runtime.terminal import show, tell
 
 ABOUT = "Simulate control diagrams written in YAML."
@@ -74,16 +74,14 @@ def _tried(name: str) -> Verb:
     if name not in VERBS.lazy:
         try:
             verb.add(argparse.ArgumentParser())
-        except Exception as error:
+        except BaseException as error:
             raise BrokenPackageError(_blamed(name, error)) from error
     return verb
 
 
-def _blamed(verb: str, error: Exception) -> str:
+def _blamed(verb: str, error: BaseException) -> str:
     """What a package's verb did wrong: the package, the error, and where it was raised."""
-    where = raised_at(error)
-    text = one_line(f"{type(error).__name__}: {error}") + (f" ({where})" if where else "")
-    return f"{VERBS.offers()[verb]}: {text}"
+    return f"{VERBS.offers()[verb]}: {one_line(raised_text(error))}"
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

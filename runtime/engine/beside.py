@@ -24,6 +24,7 @@ from blocks.core import has_kernels
 from runtime.engine.program import Program
 from runtime.engine.state import Array, RunState, Snapshot, seed_of
 from runtime.engine.values import brief
+from runtime.errors import raised_text
 from runtime.plan import (
     Call,
     Integrate,
@@ -135,8 +136,8 @@ class Beside:
         self.state.restore(saved)
         try:
             found = self.call(saved.tick, saved.tick + 1, given)
-        except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
-            text = _Text(f"{type(error).__name__}: {error}")
+        except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
+            text = _Text(raised_text(error, with_place=False))
             return Difference(self._raised(error), "its result", _Text("a value"), text)
         values = dict(zip(self.ends, zip(given, found, strict=True), strict=True))
         for block in self.own:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from blocks.core import Block, BlockState
+from runtime.errors import raised_text
 from runtime.network import Network
 
 MOMENTS = 8
@@ -59,7 +60,7 @@ class Diagnosis:
             watched = tuple(self.seen.get(name, ()))
             try:
                 message = list(entry.block.diagnose(self.states[name], taken, watched))
-            except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
-                message = [f"its diagnose() failed: {type(error).__name__}: {error}"]
+            except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
+                message = [f"its diagnose() failed: {raised_text(error, with_place=False)}"]
             found += [f"block '{name}': {text}" for text in message]
         return found

@@ -33,7 +33,7 @@ from runtime.engine.values import (
     unreached,
     wrong_initial,
 )
-from runtime.errors import Problem, SimulationError, raised_at
+from runtime.errors import Problem, SimulationError, raised_at, raised_text, text_of
 from runtime.plan import Call, Record, Signal
 
 
@@ -234,6 +234,6 @@ def described(error: BaseException) -> str:
     # Compiled text has no lines of its own.
     place = f" ({place})" if place and Path(place).parent.name != "compiled" else ""
     suggestion = ""
-    if isinstance(error, ValueError) and "read-only" in str(error):
+    if isinstance(error, ValueError) and "read-only" in text_of(error):
         suggestion = "; arrays that a block receives or has returned are read-only: write to a copy"
-    return f"{type(error).__name__}: {error}{place}{suggestion}"
+    return f"{raised_text(error, with_place=False)}{place}{suggestion}"

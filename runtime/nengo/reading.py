@@ -16,7 +16,7 @@ from typing import Any
 
 import nengo
 
-from runtime.errors import UsageError, raised_at
+from runtime.errors import UsageError, raised_text
 
 
 def read_network(source: str) -> tuple[Any, dict[str, Any]]:
@@ -33,10 +33,8 @@ def read_network(source: str) -> tuple[Any, dict[str, Any]]:
     nengo.rc["decoder_cache"]["enabled"] = "False"
     try:
         variables = runpy.run_path(path, run_name="nengo_model")
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's file may raise anything
-        place = raised_at(error)
-        text = f"{type(error).__name__}: {error}{f' ({place})' if place else ''}"
-        raise UsageError(f"'{path}' fails: {text}") from None
+    except BaseException as error:  # noqa: BLE001 -- a user's file may raise anything
+        raise UsageError(f"'{path}' fails: {raised_text(error)}") from None
     networks = {k: v for k, v in variables.items() if isinstance(v, nengo.Network)}
     inner = {id(n) for network in networks.values() for n in network.all_networks}
     outer = {k: v for k, v in networks.items() if id(v) not in inner}

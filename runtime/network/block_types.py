@@ -21,6 +21,8 @@ from blocks.core import (
     hint,
 )
 from blocks.extensions import BrokenPackageError
+from blocks.files import opened
+from blocks.limits import MODULE
 from blocks.registry import (
     BLOCKS,
     BUILTIN,
@@ -30,7 +32,7 @@ from blocks.registry import (
     variants_of_module,
 )
 from runtime.document import Node, closest
-from runtime.errors import Problems, UsageError, raised_at
+from runtime.errors import Problems, UsageError, raised_at, raised_text
 from runtime.network.other_names import ours_for
 
 Kind = TypeVar("Kind")
@@ -215,16 +217,22 @@ def _import_file(
         return None
     file = short_path(node)
     try:
-        return read(Path(node.value))
+        opened(node.value, MODULE).close()
     except FileNotFoundError:
         message = f"no such file: '{file}'; paths are relative to the graph's own file"
+    except OSError as error:
+        message = f"cannot read '{file}': {error.strerror}"
+    if message:
+        problems.add(node.where, f"{address}.module", message)
+        return None
+    try:
+        return read(Path(node.value))
     except SyntaxError as error:
         message = f"{file}:{error.lineno or 1}: {error.msg}"
     except DeclarationError as error:
         message = f"{raised_at(error) or file}: {error}"
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's file may raise anything
-        place = raised_at(error)
-        message = f"{file} failed: {type(error).__name__}: {error}{f' ({place})' if place else ''}"
+    except BaseException as error:  # noqa: BLE001 -- a user's file may raise anything
+        message = f"{file} failed: {raised_text(error)}"
     problems.add(node.where, f"{address}.module", message)
     return None
 

@@ -332,7 +332,7 @@ def _construct(
                 # An input may be written as its type alone: 'push: Scalar'.
                 short = cls is GraphInput and parameter == "type"
                 problems.add(where, address if short else f"{address}.{parameter}", text)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
+    except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, failure_text(cls, error))
     return None, []
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from blocks.core import Block, MissingPackageError, ParameterError
-from runtime.errors import Problems, raised_at
+from runtime.errors import Problems, raised_text
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network, place_of
 from runtime.network.shapes import MAX_BYTES, whole_shape
@@ -21,8 +21,7 @@ from runtime.network.shapes import MAX_BYTES, whole_shape
 
 def failure_text(cls: type[Block], error: BaseException) -> str:
     """What a user's class raised, and where."""
-    place = raised_at(error)
-    return f"{cls.__name__} failed: {type(error).__name__}: {error}{f' ({place})' if place else ''}"
+    return f"{cls.__name__} failed: {raised_text(error)}"
 
 
 def _shape_problem(network: Network, name: str) -> str:
@@ -82,7 +81,7 @@ def check_contexts(network: Network, problems: Problems) -> MissingPackageError 
                 problems.add(where, f"{entry.address}.{parameter}", text)
         except MissingPackageError as error:
             missing = error
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
+        except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
             problems.add(entry.node.key, entry.address, failure_text(entry.cls, error))
     return missing
 

@@ -22,7 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from runtime.errors import UsageError, one_line
+from runtime.errors import UsageError, one_line, text_of
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, RunData, plot_kind_names
 from runtime.plots import formulas, looks, style, titles
@@ -172,10 +172,10 @@ def save_plots(
             figure = draw_plot(plot) if draw_plot is not None else draw(plot, result, look)
             for path in files[i]:
                 save_figure(figure, path)
-        except Exception as error:
-            if note is None:
+        except BaseException as error:
+            if note is None or isinstance(error, KeyboardInterrupt):
                 raise
-            text = " ".join((str(error) or type(error).__name__).split())
+            text = " ".join((text_of(error) or type(error).__name__).split())
             return f"plot '{plot.name}' is not drawn: {one_line(text[:200])}"
         return ""
 

@@ -23,7 +23,7 @@ from blocks.world import World
 from runtime.diagrams import stored_picture
 from runtime.document import Override, arrays_in, dump_yaml, plain_entries
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
-from runtime.errors import raised_at
+from runtime.errors import raised_text
 from runtime.network import Network
 from runtime.observation import OF_RUN, Metric, Probe, Recording, Series, of_run
 from runtime.plan import Plan, Stop
@@ -382,10 +382,11 @@ def _value_or_reason(
     """A metric's value, and why it has none where its formula failed."""
     try:
         return metric.value(series, world), ""
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's metric may raise anything
-        place = raised_at(error)
-        reason = f"{type(error).__name__}: {error}{f' ({place})' if place else ''}"
-        return None, f"metric '{metric.name}' has no value: its formula failed: {reason}"
+    except BaseException as error:  # noqa: BLE001 -- a user's metric may raise anything
+        return (
+            None,
+            f"metric '{metric.name}' has no value: its formula failed: {raised_text(error)}",
+        )
 
 
 def evaluate(

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING, Any
 
 from runtime.arguments import add_json
-from runtime.errors import UsageError
+from runtime.errors import UsageError, raised_text
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
@@ -100,6 +100,8 @@ def _checked(cls: type[Block], values: dict[str, Any]) -> dict[str, Any]:
         except ParameterError as error:
             problems = [f"{name}: {text}" for name, text in error.problems]
             return facts | {"status": "not checked", "problems": problems}
+        except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
+            return facts | {"status": "broken", "problems": [raised_text(error)]}
     refused = [each for each in caught if issubclass(each.category, NotCompiledWarning)]
     facts["called_from_python"] = [str(each.message) for each in refused]
     kept = [each for each in caught if issubclass(each.category, NotCopiedWarning)]

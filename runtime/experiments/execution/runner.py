@@ -17,7 +17,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from itertools import islice
 
-from runtime.errors import UsageError, one_line
+from runtime.errors import UsageError, one_line, raised_text
 from runtime.experiments.execution.starts import Start
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import LOST, Task, TrialResult, run_tasks
@@ -97,7 +97,7 @@ class _Sender:
                 for trial in call.trials:
                     self.send((trial,), call.attempt)
                 return []
-            failure = TrialResult("failed", one_line(f"{type(error).__name__}: {error}"))
+            failure = TrialResult("failed", one_line(raised_text(error, with_place=False)))
         else:
             spent = sum(result.wall_s for result in results) / len(results)
             self.seconds += (spent - self.seconds) / 4

@@ -30,7 +30,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.registry import blocks_of_module
 from runtime.document import parse_scalar, parse_yaml, rename_files, with_folder
-from runtime.errors import GraphError, SimulationError, one_line
+from runtime.errors import GraphError, SimulationError, one_line, text_of
 from runtime.experiments.design import Objective, shown_probe
 from runtime.experiments.execution.trials import GraphBundle, Trial
 from runtime.files import write_whole
@@ -173,7 +173,7 @@ def _ended(task: Task, deadline: Deadline) -> _Ended:
         partial = error.result if isinstance(error.result, Result) else None
         return _Ended("failed", str(error), partial, runs, _failed_import(error.__cause__))
     except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
-        reason = f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {text_of(error)}"
         return _Ended("failed", reason, None, runs, _failed_import(error))
     if result.status not in ("complete", "stopped"):
         # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.

@@ -16,6 +16,8 @@ import struct
 import threading
 from typing import Any, NoReturn
 
+from runtime.errors import text_of
+
 _LENGTH = struct.Struct("<Q")
 _CHUNK = 1 << 20
 _CHUNKS = 64  # read at once, each at most a system buffer; then other channels are served
@@ -135,7 +137,7 @@ def _answer(message: bytes) -> bytes:
 
 
 def _error_answer(error: BaseException) -> bytes:
-    plain: Any = RuntimeError(f"{type(error).__name__}: {error}")
+    plain: Any = RuntimeError(f"{type(error).__name__}: {text_of(error)}")
     if isinstance(error, Exception):  # anything else would end the calling process
         try:
             data = pickle.dumps((None, error))
