@@ -16,6 +16,9 @@ def main() -> NoReturn:
             raise
         print(error, file=sys.stderr)
         sys.exit(2)
+    except MemoryError:  # a limit on memory, as of a container
+        print("there is not enough memory to start", file=sys.stderr)
+        sys.exit(2)
     except KeyboardInterrupt:  # while Python still imports; runtime.cli handles all later ones
         print("interrupted", file=sys.stderr)
         sys.exit(130)

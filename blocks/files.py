@@ -99,6 +99,11 @@ def read(path: str | Path, limit: int) -> bytes:
     return data or b""
 
 
+def resolved(path: str | Path) -> Path:
+    """A path without links, as far as it exists; also of a link to itself, unlike Path.resolve."""
+    return Path(os.path.realpath(path))
+
+
 def read_text(
     path: str | Path, limit: int = TEXT, encoding: str = "utf-8", errors: str = "strict"
 ) -> str:

@@ -47,6 +47,8 @@ def raised_at(error: BaseException) -> str:
     An error that our code raises, because of what a user's block did, is then blamed on the line
     that did it. '' if the exception passed through no file.
     """
+    if (place := getattr(error, "raised_at", None)) is not None:
+        return str(place)  # in another process
     from sysconfig import get_paths
     from traceback import extract_tb
 

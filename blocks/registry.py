@@ -106,6 +106,10 @@ def types_of_module(file: FilePath) -> list[SignalType]:
     return [value for value in vars(_module(file)).values() if isinstance(value, SignalType)]
 
 
+class PendingModuleError(Exception):
+    """A file is still being imported by another process, which tells when it is done."""
+
+
 @dataclass(frozen=True)
 class ModuleReader:
     """How the Python files that a graph names are read; an editor lets another process do it.

@@ -33,6 +33,15 @@ class Once(Action):
         setattr(namespace, self.dest, value)
 
 
+def add_no_modules(parser: ArgumentParser) -> None:
+    """``--no-modules``: nothing that a graph names is executed."""
+    parser.add_argument(
+        "--no-modules",
+        action="store_true",
+        help="execute nothing that the graph names: Python files, FMUs; what needs one is an error",
+    )
+
+
 def add_json(parser: ArgumentParser) -> None:
     """Declare ``--json``."""
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")

@@ -45,13 +45,15 @@ MAX_PROBLEMS = PROBLEMS
 class Problem:
     """One thing that is wrong: its position, its address in the graph, and how to fix it.
 
-    ``is_name`` marks a name that does not exist, which no later change can correct.
+    ``is_name`` marks a name that does not exist, which no later change can correct;
+    ``is_pending`` what is not known yet, and goes away by itself.
     """
 
     where: Where
     address: str
     text: str
     is_name: bool = field(default=False, compare=False)
+    is_pending: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         line = ": ".join(part for part in (str(self.where), self.address, self.text) if part)
@@ -148,6 +150,10 @@ class Problems:
             if len(self.items) > MAX_PROBLEMS:
                 message = f"more than {MAX_PROBLEMS} problems; these are the first"
                 raise GraphError([Problem(NOWHERE, "", message), *self.items])
+
+    def wait(self, where: Where, address: str, text: str) -> None:
+        """Add what is not known yet, which is no mistake."""
+        self.items.append(Problem(where, address, text, is_pending=True))
 
     def silence(self, where: Where, address: str) -> None:
         """Ignore further problems of the value here, and of lists that contain it."""

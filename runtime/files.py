@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from blocks.files import opened, read_text
+from blocks.files import opened, read_text, resolved
 from blocks.limits import JSON_VALUES
 from runtime.errors import UsageError
 
@@ -129,8 +129,8 @@ def check_inside(folder: Path) -> None:
     ------
     UsageError : it points elsewhere.
     """
-    if folder.is_symlink() and folder.resolve().parent != folder.parent.resolve():
-        message = f"is a link that leads to '{folder.resolve()}'; name that folder itself"
+    if folder.is_symlink() and resolved(folder).parent != resolved(folder.parent):
+        message = f"is a link that leads to '{resolved(folder)}'; name that folder itself"
         raise UsageError(f"'{folder}' {message}, or where to write with --out")
 
 
@@ -212,7 +212,7 @@ def write_out(path: Path, content: str | bytes) -> None:
         with path.open("wb") as file:
             _write_into(file, content)
         return
-    path = path.resolve()
+    path = resolved(path)
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     write_whole(path, content)

@@ -107,6 +107,9 @@ class Block:
     follows: ClassVar[bool] = False
     # Whether outputs may be infinite where an input may be, as the largest of a scan's ranges.
     passes_misses: ClassVar[bool] = False
+    # What is executed of a file that a parameter names, as in "the library in the FMU"; '' for
+    # nothing. --no-modules refuses such a block.
+    executes: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -45,6 +45,7 @@ class ImportedFMU(Block, ABC):
 
     kind: ClassVar[str]
     other: ClassVar[str]
+    executes = "the library in the FMU"
 
     inputs = Input(
         Scalar,

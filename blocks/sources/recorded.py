@@ -26,7 +26,7 @@ from blocks.core import (
     hint,
     param,
 )
-from blocks.files import DAMAGED, archive, array_header, read, read_array
+from blocks.files import DAMAGED, UnfitError, archive, array_header, read, read_array
 from blocks.limits import GRAPH_ARRAYS, RECORDED, RECORDED_COLUMNS, RECORDED_NUMBERS
 from blocks.sources.time_tables import METHODS, Table
 
@@ -283,7 +283,7 @@ def _npz(content: bytes, is_needed: Callable[[str], bool]) -> RecordedColumns:
                     raise ValueError(f"it has more than {RECORDED_COLUMNS:,} columns")
                 else:
                     columns |= {f"{name}[{j}]": values[:, j] for j in range(shape[1])}
-    except _ShapeError as error:
+    except (UnfitError, _ShapeError) as error:
         raise ValueError(str(error)) from None
     except DAMAGED as error:
         raise ValueError(f"not an npz file of numbers: {error}") from None

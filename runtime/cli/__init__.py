@@ -11,8 +11,10 @@ import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from sysconfig import get_paths
 from textwrap import indent
 from types import FrameType
 from typing import NoReturn, TextIO
@@ -21,7 +23,7 @@ from blocks.extensions import BrokenPackageError
 from runtime.cli.commands import VERBS, Verb
 from runtime.cli.parser import Parser, examples
 from runtime.cli.problems import report
-from runtime.errors import SpikeblocksError, UsageError, one_line, raised_at, raised_text
+from runtime.errors import ROOT, SpikeblocksError, UsageError, one_line, raised_text, text_of
 from runtime.terminal import show, tell
 
 ABOUT = "Simulate control diagrams written in YAML."
@@ -87,6 +89,7 @@ def _blamed(verb: str, error: BaseException) -> str:
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line, and exit with its exit code."""
     _open_streams()
+    warnings.showwarning = _warn
     interrupted = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -203,9 +206,32 @@ def run(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output has closed it (as in '| head'): no more is written.
         _discard(sys.stdout)
         return 0
+    except MemoryError:
+        return _report("there is not enough memory", UsageError.exit_code)
     except (OSError, RecursionError) as error:
         return _report(_reason(error), UsageError.exit_code)
     return code
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning in one line, with control characters escaped; those of NumPy are not shown.
+
+    NumPy warns of a result that is not finite, which the engine reports where it matters.
+    """
+    text = text_of(message) if isinstance(message, Warning) else message
+    others = [get_paths()[key] for key in ("stdlib", "purelib", "platlib")]
+    inside = (*others, *(ROOT / package for package in ("blocks", "runtime", "spikeblocks")))
+    is_own = not filename.startswith(tuple(f"{folder}{os.sep}" for folder in inside))
+    place = f"{filename}:{lineno}: " if is_own else ""
+    if place or not issubclass(category, RuntimeWarning):
+        tell(f"{place}{category.__name__}: {one_line(text)}")
 
 
 def _done(options: argparse.Namespace) -> int:

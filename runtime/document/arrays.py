@@ -16,7 +16,7 @@ from typing import Any
 from weakref import WeakValueDictionary
 
 from blocks.core import FloatArray, StoredArray, hint
-from blocks.files import DAMAGED, UnfitError, archive, opened, read_array
+from blocks.files import DAMAGED, UnfitError, archive, opened, read_array, resolved
 from blocks.limits import size
 from runtime.document.limits import MAX_ARRAY_BYTES, Work
 from runtime.document.node import Node
@@ -60,7 +60,7 @@ def array_values(node: Node, address: str, problems: Problems, work: Work) -> No
         return node
     folder = Path(node.where.file).parent if node.where.line else Path()
     try:
-        array = _read((folder / match[1]).resolve(), match[2], match[1], work)
+        array = _read(resolved(folder / match[1]), match[2], match[1], work)
     except ValueError as error:
         problems.add(node.where, address, str(error))
         problems.silence(node.where, address)

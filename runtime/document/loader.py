@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from blocks.core import hint
-from blocks.files import read
+from blocks.files import read, resolved
 from blocks.limits import GRAPH_FILE
 from runtime.document.arrays import with_arrays
 from runtime.document.limits import MAX_LEVELS, Work
@@ -436,7 +436,7 @@ def is_path(node: Node) -> bool:
 
 def _absolute(node: Node) -> Node:
     """A path relative to the file that names it, which the merged tree no longer knows."""
-    return Node(str((_folder(node) / node.value).resolve()), node.where, node.key)
+    return Node(str(resolved(_folder(node) / node.value)), node.where, node.key)
 
 
 def _folder(node: Node) -> Path:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import base64
 import gzip
+import hashlib
 import json
 import math
+import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -171,11 +173,20 @@ def _page(graph: Graph, data: dict[str, Any], packed: bytes, plots: Shown) -> st
         f'<div class="diagram">{picture}</div></details>',
         "about": escape(f"{about(graph)}."),
         "uplot": f"/*\n{asset('uplot.LICENSE')}*/\n{asset('uplot.js')}",
-        "data": json.dumps(data, allow_nan=False).replace("</", "<\\/"),
+        # "<!--" in a script would begin a comment that swallows the end of the element.
+        "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "module": base64.b64encode(packed).decode("ascii"),
         "script": asset("page.js"),
     }
-    text = asset("page.html")
-    for key, part in parts.items():
-        text = text.replace(f"@{key}@", part)
-    return text
+    # In one pass: a title may be "@script@".
+    text = re.sub("@([a-z]+)@", lambda found: parts.get(found[1], found[0]), asset("page.html"))
+    return text.replace("@policy@", _policy(text), 1)
+
+
+def _policy(page: str) -> str:
+    """A content security policy that lets nothing run but the page's own scripts."""
+    scripts = re.findall("<script>(.*?)</script>", page, re.DOTALL)
+    digests = (hashlib.sha256(text.encode()).digest() for text in scripts)
+    hashes = " ".join(f"'sha256-{base64.b64encode(each).decode()}'" for each in digests)
+    scripts_from = f"script-src {hashes} 'wasm-unsafe-eval'"
+    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; {scripts_from}"

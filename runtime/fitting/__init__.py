@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from runtime.fitting.fit_plots import fit_figures
     from runtime.fitting.from_python import fit, model_of
     from runtime.fitting.model import Model
-    from runtime.fitting.output import save_fit, summary
+    from runtime.fitting.output import as_plain, save_fit, summary
     from runtime.fitting.solving import Fit, Parameter, fit_model
 else:
     __getattr__ = door(__name__)

@@ -53,7 +53,7 @@ def is_session(path: str | Path) -> bool:
     return (Path(path) / SESSION).is_file()
 
 
-def open_session(folder: str | Path) -> Session:
+def open_session(folder: str | Path, modules: bool = True) -> Session:
     """Compute a saved session again: its graph, its changes at their ticks, up to its last tick.
 
     Raises
@@ -72,7 +72,7 @@ def open_session(folder: str | Path) -> Session:
         check_form(stored, _FORM)
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
-    session, path = load(place / GRAPH).session(), place / CHANGES
+    session, path = load(place / GRAPH, modules=modules).session(), place / CHANGES
     with system_errors(f"read '{path}'"):
         for number, line in enumerate(lines(path, INDEX), 1):
             try:
@@ -97,7 +97,9 @@ class Resumable:
     source: Source
 
 
-def resumable(path: str | Path, until: float | None = None, mixed: bool = False) -> Resumable:
+def resumable(
+    path: str | Path, until: float | None = None, mixed: bool = False, modules: bool = True
+) -> Resumable:
     """A run that can go on from its last checkpoint that can be read.
 
     Parameters
@@ -106,6 +108,7 @@ def resumable(path: str | Path, until: float | None = None, mixed: bool = False)
         killed included.
     until : a longer end of the run, in its unit of time.
     mixed : whether it may go on although another version of the program began it.
+    modules : whether what the graph names is executed.
 
     Raises
     ------
@@ -114,7 +117,7 @@ def resumable(path: str | Path, until: float | None = None, mixed: bool = False)
     """
     folder = _newest(Path(path)) or run_folder(path)
     run = read_run(folder)
-    graph = load(folder / RESOLVED)
+    graph = load(folder / RESOLVED, modules=modules)
     if until is not None:
         graph = graph.set("run.until", until)
     source, header = _last(folder)

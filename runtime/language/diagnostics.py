@@ -69,6 +69,7 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
         span = span_at(model, model.text.at(where))
     # A file that is too large to be checked may be right.
     severity: Severity = "warning" if model.refusal else "error"
+    severity = "information" if problem.is_pending else severity
     return Diagnostic(span, severity, text, problem.address, problem.is_name, related)
 
 

@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 from blocks.core import Block, BlockContext, DeclarationError, ParameterError, SignalType
 from blocks.files import read
 from blocks.limits import MODULE
-from blocks.registry import ModuleReader
+from blocks.registry import ModuleReader, PendingModuleError
 from runtime.language.module_worker import pack, receive, send
 
 IMPORT_SECONDS = 20.0
@@ -35,7 +35,9 @@ PACKAGE = str(Path(__file__).parents[2])
 
 
 class SlowModuleError(Exception):
-    """A file that is still being imported, or took too long."""
+    """A file whose import, or whose answer, took too long."""
+
+    raised_at = ""  # in no line of the file that is known
 
 
 class ModuleWorker:
@@ -68,7 +70,7 @@ class ModuleWorker:
         try:
             key = pack(question)
         except Exception as error:  # noqa: BLE001 -- a world or value of a strange class
-            return "failed", (type(error).__name__, str(error))
+            return "failed", (type(error).__name__, str(error), "")
         with self.lock:
             if key not in self.answers:
                 if len(self.answers) >= MAX_ANSWERS:
@@ -90,7 +92,7 @@ class ModuleWorker:
         self, process: subprocess.Popen[bytes], question: tuple[Any, ...], seconds: float
     ) -> tuple[str, Any]:
         if process.stdin is None or process.stdout is None:
-            return "failed", ("OSError", "no pipe")
+            return "failed", ("OSError", "no pipe", "")
         timeout = threading.Timer(seconds, process.kill)
         timeout.daemon = True
         timeout.start()
@@ -103,10 +105,10 @@ class ModuleWorker:
             self.stop()
             if was_slow:
                 return "slow", f"took longer than {seconds:g} s"
-            return "failed", ("Exit", "the process that imported it ended")
+            return "failed", ("Exit", "the process that imported it ended", "")
         except Exception as error:  # noqa: BLE001 -- an answer may hold what cannot be read
             self.stop()
-            return "failed", (type(error).__name__, str(error))
+            return "failed", (type(error).__name__, str(error), "")
         finally:
             timeout.cancel()
         return answer
@@ -139,12 +141,13 @@ class ModuleWorker:
 
         Raises
         ------
+        PendingModuleError : it is still being imported.
         SlowModuleError, SyntaxError and others : it could not be, as an import would say.
         """
         patience = 0.0 if self.has_waited else patience
         self.has_waited = True  # before waiting: the import then either is ready or tells
         if not self.ready.wait(patience):
-            raise SlowModuleError("it is still being imported")
+            raise PendingModuleError
         kind, value = self.description
         if kind == "missing":
             raise FileNotFoundError(str(self.file))
@@ -155,10 +158,7 @@ class ModuleWorker:
         if kind == "slow":
             raise SlowModuleError(f"importing it {value}")
         if kind == "failed":
-            name, text = value
-            if name == DeclarationError.__name__:
-                raise DeclarationError(text)
-            raise type(name, (Exception,), {})(text)
+            raise _failure(kind, value)
 
 
 class StandIn(Block):
@@ -207,8 +207,16 @@ class StandIn(Block):
 def _failure(kind: str, value: Any) -> Exception:
     """The error of a class, by the name that it had in the other process."""
     if kind == "failed":
-        return type(value[0], (Exception,), {})(value[1])  # type: ignore[no-any-return]
+        name, text, place = value
+        error = DeclarationError(text) if name == DeclarationError.__name__ else _made(name, text)
+        error.raised_at = place  # type: ignore[attr-defined]
+        return error
     return SlowModuleError(str(value))
+
+
+def _made(name: str, text: str) -> Exception:
+    error: Exception = type(name, (Exception,), {})(text)
+    return error
 
 
 def stand_in(description: Mapping[str, Any], worker: ModuleWorker) -> type[Block]:

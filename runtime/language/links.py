@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from blocks.files import resolved
 from runtime.language.items import YamlItem
 from runtime.language.model import Model
 
@@ -121,5 +122,5 @@ def modules(model: Model) -> list[Path]:
     for item in (model.root.get("blocks") or YamlItem()).items:
         module = item.get("module")
         if module is not None and module.kind == "scalar":
-            paths.append((model.path.parent / module.value).resolve())
+            paths.append(resolved(model.path.parent / module.value))
     return paths

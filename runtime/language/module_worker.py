@@ -21,7 +21,7 @@ from typing import IO, Any
 
 from blocks.core import REQUIRED, Block, BlockSpec, ParameterError, SignalType
 from blocks.registry import blocks_of_module, types_of_module
-from runtime.errors import text_of
+from runtime.errors import raised_at, text_of
 
 _LENGTH = struct.Struct(">Q")
 _MARK = "required"
@@ -132,7 +132,7 @@ def answer(file: Path, question: tuple[Any, ...]) -> tuple[str, Any]:
     except SyntaxError as error:
         return "syntax", (error.msg, error.lineno)
     except BaseException as error:  # noqa: BLE001 -- a user's file may raise anything
-        return "failed", (type(error).__name__, text_of(error))
+        return "failed", (type(error).__name__, text_of(error), raised_at(error))
 
 
 # A file in an endless loop never reads its input again, and would outlive a server that was killed.

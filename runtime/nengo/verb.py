@@ -5,9 +5,9 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.arguments import add_json, at_least, integer
+from runtime.arguments import add_json, add_no_modules, at_least, integer
 from runtime.errors import MissingExtraError, UsageError
-from runtime.terminal import show, show_json
+from runtime.terminal import show, show_json, tell
 
 HELP = "write a model of Nengo as a graph with the same neurons"
 EXAMPLES = """
@@ -38,11 +38,15 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--compare", action="store_true", help="run both, and compare spikes and probes"
     )
+    add_no_modules(parser)
     add_json(parser)
 
 
 def run(options: Namespace) -> int:
     """Write the files and print a summary."""
+    if options.no_modules:
+        message = "is executed, as Python would, which is refused (--no-modules)"
+        raise UsageError(f"'{options.model}' {message}")
     try:
         import nengo  # noqa: F401
     except ImportError:
@@ -53,6 +57,7 @@ def run(options: Namespace) -> int:
     path = Path(options.out) if options.out else Path(source.stem + SUFFIX)
     if path.suffix != SUFFIX:
         raise UsageError(f"-o: expected a file that ends in {SUFFIX}, got '{path}'")
+    tell(f"executing '{source}', as Python would")
     done = import_file(
         options.model,
         path,

@@ -28,6 +28,7 @@ from blocks.registry import (
     BUILTIN,
     ModuleReader,
     Modules,
+    PendingModuleError,
     objects_of_module,
     variants_of_module,
 )
@@ -64,16 +65,18 @@ def block_class(
     if own is None:
         return None
     # The nearest first; the library and packages come last: to install one changes no graph.
-    for library in (own, classes):
-        if type_node.value in library:
-            return library[type_node.value]
+    found = own.get(type_node.value) or classes.get(type_node.value)
     try:
-        installed = BLOCKS.find(type_node.value)
+        found = found or BLOCKS.find(type_node.value)
     except BrokenPackageError as error:
         problems.add(type_node.where, f"{address}.type", str(error))
         return None
-    if installed is not None:
-        return installed
+    if found is not None and found.executes and not modules:
+        message = f"a block '{type_node.value}' executes {found.executes}, which is refused"
+        problems.add(type_node.where, f"{address}.type", f"{message} (--no-modules)")
+        return None
+    if found is not None:
+        return found
     if module is None:
         known = [*classes, *BLOCKS.names()]
         suggestion = ours_for(type_node.value) or hint(type_node.value, known)
@@ -227,6 +230,10 @@ def _import_file(
         return None
     try:
         return read(Path(node.value))
+    except PendingModuleError:
+        text = f"'{file}' is being imported; what needs it is checked then"
+        problems.wait(node.where, f"{address}.module", text)
+        return None
     except SyntaxError as error:
         message = f"{file}:{error.lineno or 1}: {error.msg}"
     except DeclarationError as error:

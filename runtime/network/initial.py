@@ -89,8 +89,9 @@ def _states(
             )
         problems.add(node.where, address, message)
     except DAMAGED as error:
+        reason = getattr(error, "strerror", None) or error
         problems.add(
-            node.where, address, f"'{folder / STATES}' is damaged: {error}; run that graph again"
+            node.where, address, f"'{folder / STATES}' is damaged: {reason}; run that graph again"
         )
     # None as well, so that a run that cannot be read is reported once.
     files[node.value] = arrays

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from blocks.core import Block, hint
+from blocks.files import resolved
 from blocks.registry import Modules
 from runtime.document import Node, is_part
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
@@ -64,7 +64,7 @@ def replace_block(
         raise GraphError([Problem(where, name, f"{text}, got '{kind}'")])
     entry: dict[str, Node] = {"type": Node(type_name.strip(), where, where)}
     if colon:
-        entry["module"] = Node(str(Path(module).resolve()), where, where)
+        entry["module"] = Node(str(resolved(module)), where, where)
     problems = Problems()
     cls = block_class(Node(entry, where, where), name, classes, problems, modules)
     problems.raise_any()

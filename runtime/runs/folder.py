@@ -389,7 +389,7 @@ def read_arrays(path: Path) -> dict[str, FloatArray]:
     except FileNotFoundError:
         raise UsageError(f"'{path}' is missing{_remedy(path)}") from None
     except DAMAGED as error:
-        raise _damage_error(path, str(error) or type(error).__name__) from None
+        raise _damage_error(path, getattr(error, "strerror", None) or f"{error}") from None
     for name, array in arrays.items():
         if array.dtype != np.float64:
             raise _damage_error(path, f"array '{name}' is {array.dtype}, expected float64")

@@ -6,6 +6,7 @@ from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from runtime.arguments import add_no_modules
 from runtime.cli.parser import CHANGES
 from runtime.errors import UsageError
 
@@ -62,11 +63,7 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
     if seed:
         change.add_argument("--seed", type=int, help="seed of the run")
     change.add_argument("--until", type=float, metavar="S", help="length of the run in seconds")
-    change.add_argument(
-        "--no-modules",
-        action="store_true",
-        help="do not import Python files named by the graph; a block that needs one is an error",
-    )
+    add_no_modules(parser)
     change.add_argument(
         "--engine",
         help="python, compiled, checked (compiled, indices checked), or auto: compiled if faster",

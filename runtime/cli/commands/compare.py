@@ -49,8 +49,9 @@ def run(options: Namespace) -> int:
     from runtime.compare import as_data, compare, exact_summary, open_runs, summary
 
     runs = open_runs(options.runs, _names(options.labels))
+    folder = None if options.no_plots else _folder(options, runs[0].result.title)
     comparison = compare(runs, _names(options.probes), causes_first=options.exact)
-    folder, pictures = (None, []) if options.no_plots else _pictures(comparison, options)
+    pictures = [] if folder is None else _pictures(comparison, options, folder)
     if options.json:
         stored = as_data(comparison, options.exact, options.rtol, options.atol)
         files = [str(path) for path in pictures]
@@ -71,16 +72,25 @@ def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")] if text else []
 
 
-def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Path]]:
-    """Draw the overlaid runs into a new folder."""
+def _folder(options: Namespace, title: str) -> Path:
+    """A new folder for pictures, made before they are drawn."""
+    from runtime.files import own_folder, system_errors
+    from runtime.runs import new_folder
+
+    folder = new_folder(Path(options.out), title)
+    with system_errors(f"write '{folder}'"):
+        return own_folder(folder)
+
+
+def _pictures(comparison: Comparison, options: Namespace, folder: Path) -> list[Path]:
+    """Draw the overlaid runs into a folder."""
     from runtime.compare.overlay import save_overlays
     from runtime.files import system_errors
-    from runtime.runs import link_latest, new_folder
+    from runtime.runs import link_latest
 
     names = [pair.name for other in comparison.others for pair in other.pairs if not pair.fault]
-    folder = new_folder(Path(options.out), comparison.runs[0].result.title)
     with system_errors(f"write '{folder}'"):
         probes, how = list(dict.fromkeys(names)), (options.figures, options.style)
         pictures = save_overlays(comparison.runs, probes, folder, *how)
     link_latest(folder)
-    return folder, pictures
+    return pictures

@@ -5,7 +5,8 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any
 
 from runtime.arguments import add_output, integer
 from runtime.cli.commands.changes import add_changes
@@ -15,6 +16,7 @@ from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from runtime.experiments.design import Measurement
+    from runtime.fitting import Fit
     from runtime.graph import Graph
 
 HELP = "find numbers of a graph that reproduce recorded data, by least squares"
@@ -70,8 +72,9 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Fit, print the table, draw the figure."""
-    from runtime.fitting import fit_model, model_of, save_fit, summary
-    from runtime.runs import link_latest, new_folder
+    from runtime.files import own_folder, remove_tree, system_errors
+    from runtime.fitting import fit_model, model_of, summary
+    from runtime.runs import new_folder
     from runtime.terminal import Progress
 
     experiment = experiment_of(options)
@@ -80,7 +83,12 @@ def run(options: Namespace) -> int:
 
         check_writable(experiment)
     model = model_of(experiment, _measurements(options, experiment.graph), note_of(options))
+    # Made before the work, which may take hours.
+    folder = new_folder(Path(options.out), experiment.name)
+    with system_errors(f"write '{folder}'"):
+        own_folder(folder)
     progress = Progress(experiment.name, wanted=not (options.quiet or options.json))
+    fit = None
     try:
         fit = fit_model(model, options.starts, progress)
     except KeyboardInterrupt:
@@ -88,22 +96,43 @@ def run(options: Namespace) -> int:
         return 130
     finally:
         progress.close()
-    folder = new_folder(Path(options.out), experiment.name)
-    stored = save_fit(fit, folder)
-    link_latest(folder)
-    pictures = []
-    if not options.no_plots:
-        from runtime.experiments.analysis.figures import save_figures
-        from runtime.fitting import fit_figures
-
-        figures = fit_figures(fit, experiment.name, options.style)
-        pictures = save_figures(folder, figures, options.figures)
+        if fit is None:
+            remove_tree(folder)
+    stored, pictures, problem = _written(fit, folder, experiment.name, options)
     show_results(options, stored, summary(fit), pictures)
+    if problem:
+        raise UsageError(problem)
     if options.write:
         from runtime.experiments.tuning import write_values
 
         tell(f"note: the numbers are written into {write_values(experiment, fit.values)}")
     return 0
+
+
+def _written(
+    fit: Fit, folder: Path, name: str, options: Namespace
+) -> tuple[dict[str, Any], list[Path], str]:
+    """What is stored of a fit, its pictures, and what could not be written where it should be."""
+    from runtime.fitting import as_plain, fit_figures, save_fit
+    from runtime.runs import link_latest
+
+    pictures: list[Path] = []
+    try:
+        stored = save_fit(fit, folder)
+        link_latest(folder)
+        if not options.no_plots:
+            from runtime.experiments.analysis.figures import save_figures
+
+            figures = fit_figures(fit, name, options.style)
+            pictures = save_figures(folder, figures, options.figures)
+        return stored, pictures, ""
+    except UsageError as error:
+        problem = str(error)
+    try:
+        elsewhere = Path(mkdtemp(prefix="spikeblocks-"))
+        return save_fit(fit, elsewhere), [], f"{problem}; the fit is in '{elsewhere}'"
+    except (OSError, UsageError):
+        return {**as_plain(fit), "folder": str(folder)}, [], f"{problem}; it is printed above"
 
 
 def _measurements(options: Namespace, graph: Graph) -> tuple[Measurement, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from runtime.arguments import add_no_modules
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
@@ -23,6 +24,7 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("session", help="the folder of a saved session")
     parser.add_argument("--save", metavar="FOLDER", help="write what comes out as a session")
+    add_no_modules(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -37,7 +39,7 @@ def run(options: Namespace) -> int:
     if not is_session(options.session):
         raise UsageError(f"'{options.session}' is no saved session, which Session.save writes")
     saved = open_run(Path(options.session) / RUN)
-    session = open_session(options.session)
+    session = open_session(options.session, not options.no_modules)
     result = session.result()
     different = [
         name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from runtime.arguments import Once, add_output, seconds
+from runtime.arguments import Once, add_no_modules, add_output, seconds
 from runtime.cli.commands.run import finished
 from runtime.cli.commands.simulating import add_real_time
 from runtime.terminal import tell
@@ -37,6 +37,7 @@ def add(parser: ArgumentParser) -> None:
         action="store_true",
         help="go on although another version of the program began the run: its numbers may differ",
     )
+    add_no_modules(parser)
     add_real_time(parser)
     add_output(parser, "where the run is", "the new run folder")
     parser.set_defaults(out="", vs=None, labels="", animate=False, profile=False, watch=False)
@@ -48,7 +49,7 @@ def run(options: Namespace) -> int:
     from runtime.runs import root_of
 
     options.checkpoint = options.checkpoint or EVERY
-    found = resumable(options.run, options.until, options.mixed)
+    found = resumable(options.run, options.until, options.mixed, not options.no_modules)
     options.out = options.out or str(root_of(found.folder, found.graph.title))
     if not (options.quiet or options.json):
         tell(f"going on with {found.folder}")

@@ -174,7 +174,7 @@ def test_a_question_does_not_wait_longer_than_its_patience(folder: Path) -> None
     ended = threading.Event()
     isolation = Isolation(patience=0.0, on_change=ended.set)
     try:
-        assert "still being imported" in messages(model(folder, isolation))[0]
+        assert "is being imported; what needs it" in messages(model(folder, isolation))[0]
         assert ended.wait(30.0)
         assert messages(model(folder, isolation)) == []
     finally:
