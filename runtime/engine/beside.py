@@ -198,7 +198,7 @@ class Beside:
             largest = max(largest, float(np.max(numbers, initial=0.0, where=numbers < math.inf)))
         return largest
 
-    def _raised(self, error: Exception) -> str:
+    def _raised(self, error: BaseException) -> str:
         """The block that raised an exception."""
         trace = error.__traceback__
         while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:
