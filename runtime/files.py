@@ -230,11 +230,22 @@ def open_file(path: Path, flags: int) -> int:
     if path.is_symlink():
         # Windows has no O_NOFOLLOW.
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
-    file = os.open(path, flags)
+    file = os.open(path, flags, 0o666)
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
     return file
+
+
+def append(path: Path, text: str) -> None:
+    """Add a text to the end of a file, which is made if it is missing; a link is not followed.
+
+    Raises
+    ------
+    OSError : it cannot be written.
+    """
+    with os.fdopen(open_file(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as file:
+        file.write(text.encode())
 
 
 def lock(file: int) -> bool:

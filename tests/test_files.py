@@ -37,7 +37,7 @@ EXCEPTIONS = {
     "runtime.codegen.ziggurat": OWN,
     "runtime.reports.zoom": OWN,
     "runtime.reports.html": OWN,
-    "runtime.runs.simulation": "read_text of importlib.metadata",
+    "runtime.runs.fingerprint": "read_text of importlib.metadata",
     "runtime.runs.commit": "a git folder that it has just made",
     "runtime.toolchain.compilers": "the system's description of its processors",
     "runtime.toolchain.library": TEMPORARY,

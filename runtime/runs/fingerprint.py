@@ -19,6 +19,8 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from blocks.files import read
+from blocks.limits import MODULE
 from blocks.registry import block_texts, is_built_in
 from runtime.errors import UsageError
 
@@ -72,7 +74,7 @@ def program(packages: tuple[str, ...] = ()) -> Program:
     for name in (*CORE, *packages):
         for label, path in _sources(name):
             # Line ends are not compared: a checkout on Windows has others.
-            text = path.read_bytes().replace(b"\r\n", b"\n")
+            text = read(path, MODULE).replace(b"\r\n", b"\n")
             content.update(f"{label} {len(text)}\n".encode() + text)
     return Program(versions()["spikeblocks"], content.hexdigest()[:LENGTH], packages)
 

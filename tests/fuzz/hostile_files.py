@@ -137,7 +137,7 @@ READ: dict[str, list[tuple[str, ...]]] = {
             ("report", SWEEP),
             ("sweep", "exp.yaml", "--resume", "-j", "1", "--no-plots"),
         ]
-        for name in ("plan.yaml", "index.csv", "summary.json", "graph.yaml")
+        for name in ("plan.yaml", "index.csv", "summary.json", "graph.yaml", "starts.jsonl")
     },
     **{
         f"{ABLATION}/{name}": [("report", ABLATION)]

@@ -18,11 +18,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from blocks.files import read_text
 from runtime.errors import UsageError
 from runtime.experiments.execution.folder import RunOptions, elsewhere
 from runtime.experiments.execution.plan import ExperimentPlan
 from runtime.experiments.execution.worker_pool import WorkerPool
-from runtime.files import read_text, system_errors
+from runtime.files import append, system_errors
 from runtime.runs import check_same_program, git_commit, versions
 
 STARTS = "starts.jsonl"
@@ -68,8 +69,8 @@ class Start:
 
     def _add(self, entry: dict[str, Any]) -> None:
         path = self.options.folder / STARTS
-        with system_errors(f"write '{path}'"), path.open("a", encoding="utf-8") as lines:
-            lines.write(json.dumps(entry) + "\n")
+        with system_errors(f"write '{path}'"):
+            append(path, json.dumps(entry) + "\n")
 
 
 def programs(folder: Path) -> list[str]:
@@ -85,8 +86,9 @@ def programs(folder: Path) -> list[str]:
     try:
         entries = [json.loads(line) for line in read_text(path).splitlines()]
         return [str(entry["program"]) for entry in entries if "started" in entry]
-    except (ValueError, TypeError, KeyError) as error:
-        raise UsageError(f"'{path}' is damaged: {error}") from None
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UsageError(f"'{path}' is damaged: {reason}") from None
 
 
 def _now() -> str:
