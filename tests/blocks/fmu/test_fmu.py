@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 
 import blocks
 import runtime
-from blocks.core import Scalar
+from blocks.core import ParameterError, Scalar
+from blocks.fmu.description import described
 from runtime.errors import GraphError, SimulationError
 from runtime.export.fmu import export_fmu
 
@@ -209,3 +211,43 @@ class TestReference:
         ).run(engine="python")
         expected = 1.0 + np.floor(result.time("out") + 1e-9)
         assert np.array_equal(result["out"], expected)
+
+
+@pytest.mark.parametrize("kind", ["FMU", "ModelExchangeFMU"])
+def test_no_modules_loads_no_library(kind: str, tmp_path: Path) -> None:
+    # Refused by its type: the file is not even looked for.
+    source = {"run": {"dt": 0.1, "until": 1}, "blocks": {"f": {"type": kind, "file": "no.fmu"}}}
+    with pytest.raises(GraphError, match="executes the library in the FMU, which is refused"):
+        runtime.load(source, modules=False).check()
+
+
+def described_by(tmp_path: Path, text: bytes) -> Path:
+    with zipfile.ZipFile(tmp_path / "a.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", text)
+    return tmp_path / "a.fmu"
+
+
+@pytest.mark.parametrize(
+    ("inner", "reason"),
+    [
+        ('<Dimension start="1000000000"/>', "more than 1,000,000 numbers"),
+        ('<Dimension start="-1"/>', "more than 1,000,000 numbers"),
+        ("<a/>" * 1_000_001, "more than 1,000,000 elements and attributes"),
+    ],
+)
+def test_a_description_that_asks_for_much_is_refused(
+    tmp_path: Path, inner: str, reason: str
+) -> None:
+    text = '<fmiModelDescription fmiVersion="3.0"><ModelVariables>'
+    text += f'<Float64 name="a" valueReference="1" causality="output">{inner}</Float64>'
+    text += "</ModelVariables></fmiModelDescription>"
+    with pytest.raises(ParameterError, match=reason):
+        described(str(described_by(tmp_path, text.encode())))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_entities_are_refused_in_any_encoding(tmp_path: Path, encoding: str) -> None:
+    text = f'<?xml version="1.0" encoding="{encoding}"?>'
+    text += '<!DOCTYPE a [<!ENTITY b "b">]><fmiModelDescription fmiVersion="3.0"/>'
+    with pytest.raises(ParameterError, match="has a document type"):
+        described(str(described_by(tmp_path, text.encode(encoding))))

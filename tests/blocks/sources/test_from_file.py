@@ -252,3 +252,45 @@ def test_misses_are_written_as_they_are_recorded(block: dict[str, Any], is_valid
         return
     out = "value" if block["type"] == "Constant" else "out"
     np.testing.assert_array_equal(graph.probe("y", f"a.{out}").run()["y"][-1], [1.0, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("t,x\n0,1_000\n1,2\n", "line 2, column 'x': expected a number, got '1_000'"),
+        ("t,x\n0,1\n1,\u0661\n", "line 3, column 'x': expected a number, got '\u0661'"),
+        # In the first line as well, which would be names otherwise.
+        ("0,1_000\n1,2\n", "line 1, column '1': expected a number, got '1_000'"),
+        ("t,x\n0,1\n1,2,3\n", "line 3: expected 2 numbers, got 3"),
+        ("t,x,x\n0,1,2\n", "two columns are named 'x'"),
+        (",".join("c" * 100_001) + "\n", "it has more than 100,000 columns"),
+        pytest.param(
+            *("t,x\n" + "0,0\n" * 2_000_001, "it holds more than 4,000,000 numbers"),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_what_is_no_table_of_ascii_numbers_is_refused(
+    text: str, reason: str, tmp_path: Path
+) -> None:
+    (tmp_path / "data.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(GraphError) as refused:
+        graph_of(tmp_path, file="data.csv", outside="hold").check()
+    assert reason in str(refused.value)
+
+
+def test_many_columns_are_read_in_time_that_grows_with_their_number(tmp_path: Path) -> None:
+    names = ["time", *(f"c{i}" for i in range(99_999))]
+    lines = [",".join(row) for row in (names, ["0"] * 100_000, ["1"] * 100_000)]
+    (tmp_path / "data.csv").write_text("\n".join(lines), encoding="utf-8")
+    graph = graph_of(tmp_path, file="data.csv", outside="hold", columns=["c0", "c99998"])
+    assert graph.set("run.until", 1.0).run()["out"].shape == (20, 2)
+
+
+def test_the_numbers_of_an_archive_are_counted_before_it_is_unpacked(tmp_path: Path) -> None:
+    rows = np.linspace(0.0, 2.0, 4_000_001)
+    np.savez(tmp_path / "data.npz", time=rows[::2_000_000], small=rows[::2_000_000], large=rows)
+    graph = graph_of(tmp_path, file="data.npz", columns=["small"])
+    assert graph.run()["out"][-1] == pytest.approx(1.95)
+    with pytest.raises(GraphError, match="4,000,000 numbers; name fewer columns"):
+        graph_of(tmp_path, file="data.npz").check()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
+import re
 import subprocess
 import tempfile
 from importlib.util import find_spec
@@ -54,6 +57,11 @@ frame.addEventListener("load", async () => {{
 
 def driven(page: Path) -> dict[str, Any]:
     """What a page computes, before and after its first slider is moved to its end."""
+    # Its policy allows its own scripts and the module, and no eval, which this test uses.
+    text = page.read_text(encoding="utf-8")
+    assert text.count(" 'wasm-unsafe-eval'\">") == 1
+    page = page.with_name("driven.html")
+    page.write_text(text.replace("'wasm-unsafe-eval'", "'unsafe-eval'", 1), encoding="utf-8")
     outer = page.with_name("outer.html")
     outer.write_text(DRIVE.format(page=page.as_uri()), encoding="utf-8")
     with tempfile.TemporaryDirectory() as profile:
@@ -106,6 +114,32 @@ def test_numbers_that_follow_from_a_slider_are_those_of_the_changed_graph(tmp_pa
         probe = next(p for p in result.probes.values() if "lowpass.out" in p.addresses)
         rows = result.probes[probe.name].column("lowpass.out")
         np.testing.assert_allclose(column[: len(rows)], rows.ravel()[: len(column)], rtol=1e-12)
+
+
+@pytest.mark.slow
+@needs_ziglang
+def test_titles_and_labels_are_data(tmp_path: Path) -> None:
+    hostile = "<!--<script>@script@@policy@</script>"
+    graph = runtime.load(
+        {
+            "graph": hostile,
+            "run": {"dt": 0.01, "until": 0.3},
+            "blocks": {"c": {"type": "Sine", "amplitude": 1.0, "frequency": 2.0}},
+            "probes": {"e": {"of": ["c.out"], "label": [hostile]}},
+            "plots": {"p": {"kind": "timeseries", "of": "e", "title": hostile}},
+        }
+    )
+    page = tmp_path / export_page(graph, tmp_path).files[0]
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<script>") == text.count("</script>") == 3 and "<!--" not in text
+    policy = text.split('Content-Security-Policy" content="')[1].split('"')[0]
+    for script in re.findall("<script>(.*?)</script>", text, re.DOTALL):
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in policy
+    assert "unsafe-inline" not in policy.split("script-src")[1]
+    data = json.loads(text.split("const DATA = ")[1].split(";\nconst MODULE")[0])
+    assert data["title"] == hostile
+    assert driven(page)["first"][0][0] == 0.0
 
 
 @pytest.mark.parametrize(
