@@ -25,8 +25,8 @@ from runtime.memory.record import (
     BOUND,
     EMPTY,
     FIXED,
-    KINDS,
     Array,
+    copies_itself,
     kind_of,
     nothing,
     owner_of,
@@ -146,7 +146,7 @@ class Copier:
         if parts(value) is not None:
             return self._fixed(value)
         kind = kind_of(type(value))
-        if kind is None or (hasattr(value, "__deepcopy__") and type(value) not in KINDS):
+        if kind is None or copies_itself(value):
             return self._by_itself(value)
         made = self.memo[id(value)] = kind.made(value)
         kind.put(made, kind.mapped(kind.content(value), self))

@@ -19,6 +19,7 @@ import copy
 import enum
 import functools
 import random
+import sys
 import types
 import weakref
 from collections import OrderedDict, defaultdict, deque
@@ -166,6 +167,31 @@ KINDS: dict[type, Kind] = {
 
 # Objects whose attributes are all in their dictionary, which is recorded as such.
 PLAIN = Kind(lambda value: (), lambda value, content: None, nothing, _same)
+
+
+LISTED = tuple(KINDS)
+
+
+def is_library(cls: type) -> bool:
+    """Whether a class is of Python's own library, as that of a logger is."""
+    return cls.__module__.partition(".")[0] in sys.stdlib_module_names
+
+
+def copies_itself(value: Any) -> bool:
+    """Whether an object says itself how it is copied."""
+    cls, base = type(value), (object.__reduce__, object.__reduce_ex__)
+    own = (cls.__reduce__, cls.__reduce_ex__) != base
+    return (own or hasattr(cls, "__deepcopy__")) and not isinstance(value, LISTED)
+
+
+def is_one(value: Any) -> bool:
+    """Whether an object says that its copy is itself, as a logger does."""
+    if not copies_itself(value):
+        return False
+    try:
+        return copy.deepcopy(value) is value
+    except Exception:  # noqa: BLE001 -- copying runs code of the object
+        return False
 
 
 def _slots(cls: type) -> list[str]:
@@ -316,6 +342,8 @@ class Record:
             if why:
                 text = f"keeps in {place} what cannot be copied ({cls.__name__}: {why})"
                 raise NotCopiedError(text)
+            return ()
+        if not isinstance(value, LISTED) and ((shared and is_library(cls)) or is_one(value)):
             return ()
         content = kind.content(value)
         if kind is not PLAIN:

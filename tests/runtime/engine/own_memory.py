@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
+import logging
 from collections import deque
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from blocks import Block, Input, Output, Scalar, State, param
 
 TOTAL, LOG = 0.0, [0.0]
+LOGGER = logging.getLogger(__name__)
 
 
 class Helper:
@@ -80,6 +82,7 @@ class Counts(Block):
         TOTAL = self.total[0] = LOG[0] = type(self).number = 0.0
         add_default.__defaults__[0][0] = 0.0  # type: ignore[index]
         vars(self)["own"] = [0.0]
+        state.logger = LOGGER  # which cannot be copied, and needs not be
         apart = np.zeros(4)
         made = {
             "list": lambda: [state.h[:2], state.h[2:]],
@@ -103,6 +106,8 @@ class Counts(Block):
         return float(state.y)
 
     def update(self, state: Any, t: float, x: float) -> None:
+        assert state.logger is LOGGER
+        LOGGER.debug("a tick")
         state.y = float(getattr(self, "_" + self.kind.replace(" ", "_"))(state))
 
     def _declared(self, state: Any) -> Any:
