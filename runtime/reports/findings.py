@@ -21,6 +21,7 @@ from runtime.experiments.analysis import (
     TOO_FEW,
     UNRANKED,
     is_significant,
+    lost,
 )
 from runtime.observation import RunData
 from runtime.reports import pieces
@@ -54,19 +55,40 @@ def of_run(result: RunData) -> str:
 
 def of_ablation(results: Mapping[str, Any]) -> str:
     """The differences from the baseline that are significant, those of the first metric first."""
-    lines = results["table"]
+    lines = [line for line in results["table"] if not line.get("setting")]
     own = {line["metric"]: line for line in lines if line["variant"] == BASELINE}
     compared = [line for line in lines if line["difference"] is not None and _is_whole(line)]
     found = [line for line in compared if _is_significant(line) and line["metric"] in own]
     if not compared:
         return ""
     if not found:
-        return "No variant differs significantly from the baseline in any metric."
+        return _nothing_found(results, own, compared)
     first = [line for line in found if line["metric"] == found[0]["metric"]]
     told = " ".join(_difference(results, own[line["metric"]], line) for line in first[:MOST])
     variants = len({line["variant"] for line in found})
     more = f" {variants} variants differ significantly from the baseline in at least one metric."
     return told + (more if len(first) > MOST or variants > len(first) else "")
+
+
+def _nothing_found(
+    results: Mapping[str, Any],
+    own: Mapping[str, Mapping[str, Any]],
+    compared: Sequence[Mapping[str, Any]],
+) -> str:
+    """That no difference is significant, or why none was tested."""
+    verdicts = {line["difference"].get("verdict", "no") for line in compared}
+    if verdicts == {EQUAL}:
+        return "No variant differs from the baseline in any metric."
+    if verdicts <= {EQUAL, SAME}:
+        first = [line for line in compared if line["difference"]["verdict"] == SAME]
+        first = [line for line in first if line["metric"] == first[0]["metric"]]
+        return " ".join(_difference(results, own[line["metric"]], line) for line in first[:MOST])
+    if not verdicts & {"no", NEGLIGIBLE}:
+        why = ", ".join(sorted(verdicts - {"-"})) or "no values"
+        return f"No difference from the baseline was tested: {why}."
+    untested = sum(line["difference"].get("verdict") == TOO_FEW for line in compared)
+    more = f"; of {untested} there are {TOO_FEW}" * bool(untested)
+    return f"No variant differs significantly from the baseline in any metric{more}."
 
 
 def _is_whole(line: Mapping[str, Any]) -> bool:
@@ -91,25 +113,46 @@ def _difference(results: Mapping[str, Any], own: Mapping[str, Any], line: Mappin
     never = str((results.get("never") or {}).get(name, NEVER))
     p, counted = difference["p_adjusted"], difference.get("p_presence")
     is_counted = is_significant(counted) or difference.get("n") == 0
-    if own["n"] != line["n"] and is_counted:
+    if _count(own) != _count(line) and is_counted:
         p = counted if is_significant(counted) else p
         did = never.removeprefix("never ") if never.startswith("never ") else f"had {words(name)}"
-        without = f"{line['n']}" if line["n"] else "none"
-        text = f"the baseline {did} in {own['n']} of {own['runs']} runs, {variant} in {without}"
+        text = f"the baseline {did} in {_count(own)} of {own['runs']} runs{_failed(own)}, "
+        text += f"{variant} in {_count(line) or 'none'}{_failed(line)}"
         return _sentence(text, _p(p))
     unit = str((results.get("units") or {}).get(name, ""))
     if difference.get("never"):
         text = (
             f"{variant}: {words(name)} differs from the baseline's by signed ranks, in which a run "
-            f"that failed or {never} is the worst; {line['n']} of {runs} runs have a value, and "
-            f"{own['n']} of the baseline's"
+            f"that failed or {never} is the worst; {_count(line)} of {runs} runs have a value, and "
+            f"{_count(own)} of the baseline's"
         )
         return _sentence(text, _p(p))
     text = (
-        f"{variant}: {words(name)} {pieces.quantity(line['mean'], unit)} instead of "
-        f"{pieces.quantity(own['mean'], unit)}, over {runs} seeds"
+        f"{variant}: {words(name)} {_mean(line, unit, never)} instead of {_mean(own, unit, never)}"
     )
+    text += f", over {runs} seeds" * (not (own.get("identical") and line.get("identical")))
     return _sentence(text, _p(p))
+
+
+def _count(line: Mapping[str, Any]) -> int:
+    """How many runs have a value: all of them, where one stands for all since they are equal."""
+    return int(line["runs"] if line.get("identical") and line["n"] else line["n"])
+
+
+def _failed(line: Mapping[str, Any]) -> str:
+    failed = line.get("failed", 0)
+    return f", {failed} failed" if failed else ""
+
+
+def _mean(line: Mapping[str, Any], unit: str, never: str) -> str:
+    """A mean with the number of runs that have a value if not all have, or what became of them."""
+    if not line["n"]:
+        word = lost(line.get("never", 0), line.get("failed", 0), never)
+        return f"{word} in all of {line['runs']} runs" if word else "no value"
+    if line.get("identical"):
+        return f"{pieces.quantity(line['mean'], unit)} (the seed changes nothing)"
+    count, runs = line["n"], line.get("runs", line["n"])
+    return pieces.quantity(line["mean"], unit) + f" in {count} of {runs} runs" * (count < runs)
 
 
 def _p(p: float | None) -> str:
@@ -139,17 +182,17 @@ def _won(stored: Mapping[str, Any]) -> Iterator[str]:
         if not front or front[0] not in lines or 0 not in lines:
             continue
         own, best = (lines[number]["held_out"] for number in (0, front[0]))
-        if not own.get("n") or not best.get("n"):
+        if "n" not in own or "n" not in best:
             continue
+        never = str((stored.get("never") or {}).get(name, NEVER))
         unit = str(stored["units"].get(name, ""))
         p = (best.get("difference") or {}).get("p_adjusted")
         verdict = "" if p is None or p < LEVEL else f"{NOT_SIGNIFICANT}, "
         text = (
-            f"{words(name)} on the held-out runs is {pieces.quantity(best['mean'], unit)} with "
-            f"configuration {front[0]}, and {pieces.quantity(own['mean'], unit)} with the graph's "
-            "own values"
+            f"{words(name)} on the held-out runs is {_mean(best, unit, never)} with "
+            f"configuration {front[0]}, and {_mean(own, unit, never)} with the graph's own values"
         )
-        yield _sentence(text, verdict + _p(p) if p is not None else "")
+        yield _sentence(text, _p(p) and verdict + _p(p))
 
 
 def of_contest(stored: Mapping[str, Any]) -> str:
@@ -160,26 +203,28 @@ def of_contest(stored: Mapping[str, Any]) -> str:
 
     def rank(name: str) -> tuple[int, float]:
         mean = own[name]["mean"] if own[name]["n"] else 0.0
-        return own[name]["runs"] - own[name]["n"], -mean if is_largest else mean
+        return own[name]["runs"] - _count(own[name]), -mean if is_largest else mean
 
     best, *others = sorted(own, key=rank)
     unit, units = stored["units"].get(metric, ""), f"{stored['paired_by']}s"
     if not own[best]["n"]:
         return f"No contestant has a value of {words(metric)} in the held-out runs."
-    told = [_contestant(lines, best, name, unit) for name in others[:MOST]]
+    never = str((stored.get("never") or {}).get(metric, NEVER))
+    told = [_contestant(lines, best, name, unit, never) for name in others[:MOST]]
     rest = "largest" if is_largest else "smallest"
-    mean, runs = pieces.quantity(own[best]["mean"], unit), own[best]["runs"]
+    mean, runs = _mean(own[best], unit, never), own[best]["runs"]
     text = f"{rest} {words(metric)} over {runs} held-out {units}: {best}, {mean}"
     text += f", instead of {'; '.join(told)}" * bool(told)
     return _sentence(text)
 
 
-def _contestant(lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: str) -> str:
+def _contestant(
+    lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: str, never: str
+) -> str:
     """The mean of a contestant, and the verdict on its difference from the best."""
     line = next(line for line in lines if {line["variant"], line["reference"]} == {best, name})
     own = next(line for line in lines if line["variant"] == name)
-    mean = pieces.quantity(own["mean"], unit) if own["n"] else "no value"
-    share = f" in {own['n']} of {own['runs']}" * (0 < own["n"] < own["runs"])
+    mean = _mean(own, unit, never)
     difference = line["difference"] or {}
     note = "" if _is_significant(line) else f"{NOT_SIGNIFICANT}, "
     p = _p(difference.get("p_adjusted"))
@@ -187,7 +232,7 @@ def _contestant(lines: Sequence[Mapping[str, Any]], best: str, name: str, unit: 
         note, p = f"{THESE} differ, of one tuning each, ", _p(difference.get("p_of_these"))
     if difference.get("verdict") in (TOO_FEW, EQUAL, NEGLIGIBLE, SAME, UNRANKED):
         note, p = difference["verdict"], ""
-    return f"{name}, {mean}{share} ({note}{p})".replace(" ()", "").replace(", )", ")")
+    return f"{name}, {mean} ({note}{p})".replace(" ()", "").replace(", )", ")")
 
 
 def _sentence(text: str, note: str = "") -> str:

@@ -18,6 +18,7 @@ from runtime.experiments.analysis.words import (
     NEVER,
     NO_DIRECTION,
     SAME,
+    SAME_BESIDE,
     SAME_RUNS,
     TOO_FEW,
     UNRANKED,
@@ -90,6 +91,7 @@ def legend(
         f"{how or TESTS[test]}.",
         f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all that can differ.",
     ]
+    same = [line.difference for line in lines if line.own.is_same]
     scales = {each.scale for each in differences if not (each.is_same or each.is_equal)}
     if "ranks" in scales and test == "auto":
         notes.append("ranks: signed-rank test and Hodges-Lehmann estimate of the difference.")
@@ -103,7 +105,8 @@ def legend(
     if any(not line.is_primary for line in lines):
         notes.append("Metrics that are not primary are described, not tested.")
     if any(line.own.is_same for line in lines):
-        notes.append(f"{SAME}: {SAME_RUNS}.")
+        is_tested = any(d is not None and not d.is_same for d in same)
+        notes.append(f"{SAME}: {SAME_BESIDE if is_tested else SAME_RUNS}.")
     if any(line.own.n < line.runs and not line.own.is_same for line in lines):
         notes.append(
             "n/N: n of N seeds have a value (of a difference: both); means are over those."

@@ -17,6 +17,7 @@ from runtime.terminal import number
 
 SAME = "n = 1"
 SAME_RUNS = "the seed changes nothing, so that all runs are one: no interval, no test"
+SAME_BESIDE = "the seed changes nothing, so that all runs are one, and their mean has no interval"
 TOO_FEW = "too few pairs"
 NEVER = "never"
 FAILED = "failed"

@@ -75,6 +75,67 @@ def test_an_ablation_says_what_differs_significantly() -> None:
     )
 
 
+def test_counts_are_those_of_runs_that_lack_a_value() -> None:
+    """One run that stands for all, since they are equal, is no count of runs with a value."""
+    own = line("baseline", 10, 12.0)
+    same = {**line("without net", 1, 24.0, verdict="yes", p_adjusted=0.001), "identical": True}
+    assert told(own, same) == (
+        "Without net: settled at 24 s (the seed changes nothing) instead of 12 s, over 10 seeds "
+        "(p = 0.001)."
+    )
+    both = {**line("without net", 1, 24.0, verdict="n = 1", p_adjusted=None), "identical": True}
+    assert told({**line("baseline", 1, 12.0), "identical": True}, both) == (
+        "Without net: settled at 24 s (the seed changes nothing) instead of 12 s (the seed changes "
+        "nothing)."
+    )
+    crashed = line("without net", 0, None, verdict="yes, in seeds", p_presence=0.002)
+    assert told(own, {**crashed, "failed": 10}) == (
+        "The baseline settled in 10 of 10 runs, without net in none, 10 failed (p = 0.002)."
+    )
+    # The line of one setting is not that of all.
+    setting = {**line("baseline", 3, 99.0), "setting": "wind=2"}
+    slower = line("bypass limit", 10, 24.0, verdict="yes", p_adjusted=0.01)
+    assert told(own, setting, slower).startswith("Bypass limit: settled at 24 s instead of 12 s")
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "text"),
+    [
+        (("equal", "equal"), "No variant differs from the baseline in any metric."),
+        (
+            ("too few pairs", "-"),
+            "No difference from the baseline was tested: too few pairs.",
+        ),
+        (
+            ("too few pairs", "no"),
+            "No variant differs significantly from the baseline in any metric; of 1 there are too "
+            "few pairs.",
+        ),
+    ],
+)
+def test_what_was_not_tested_is_not_called_insignificant(
+    verdicts: tuple[str, ...], text: str
+) -> None:
+    variants = [line(f"v{i}", 10, 12.5, verdict=verdict) for i, verdict in enumerate(verdicts)]
+    assert told(line("baseline", 10, 12.0), *variants) == text
+
+
+def test_a_contestant_whose_runs_are_equal_has_all_of_them() -> None:
+    def entry(name: str, reference: str | None, n: int, mean: float, **more: Any) -> dict[str, Any]:
+        apart = None if reference is None else {"p_adjusted": 0.2, "verdict": "no"}
+        facts = {"variant": name, "reference": reference, "metric": "total", "mean": mean, "n": n}
+        return {**facts, "runs": 6, "difference": apart, **more}
+
+    stored = {
+        **{"metrics": ["total"], "units": {}, "paired_by": "seed", "minimize": "total"},
+        "table": [entry("a", None, 6, 0.3), entry("b", "a", 1, 0.2, identical=True)],
+    }
+    found = of_contest(stored)
+    assert found.startswith("Smallest total over 6 held-out seeds: b, 0.2 (the seed changes")
+    failed = [entry("a", None, 6, 0.3), entry("b", "a", 0, math.nan, failed=6)]
+    assert "b, failed in all of 6 runs" in of_contest({**stored, "table": failed})
+
+
 def test_a_sweep_and_a_tuning_say_their_best() -> None:
     text = "Smallest mean error, 3 mm, at pid.kp = 2, x = [1, 2]."
     assert of_sweep(["pid.kp", "x"], ["2", "[1, 2]"], "mean_error", "minimize", 0.003, "m") == text
