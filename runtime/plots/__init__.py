@@ -25,6 +25,7 @@ from runtime.plots.linear import (
     draw_margins,
     draw_nyquist,
 )
+from runtime.plots.log_axes import label_log, power_text
 from runtime.plots.looks import LOOKS, fit, headline, styled
 from runtime.plots.map import (
     contacts,
@@ -48,7 +49,6 @@ from runtime.plots.style import (
     draw_series,
     explain_empty,
     frequency_unit,
-    label_log,
     layers,
     line_style,
     row_spacing,

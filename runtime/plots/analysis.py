@@ -19,6 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from blocks.core import FloatArray
 from runtime.observation import Recording
 from runtime.plots import style
+from runtime.plots.log_axes import label_log
 
 # Segments of Welch's method: so many, or as many as are this long (rows).
 SEGMENTS, SHORTEST = 8, 256
@@ -239,7 +240,7 @@ def _densities(
         if np.isfinite(shown).any():
             axes.loglog(frequencies[1:], shown, label=name, **look(i))
     if axes.lines:
-        style.label_log(axes.xaxis, axes.yaxis)
+        label_log(axes.xaxis, axes.yaxis)
         style.add_legend(axes)
     else:
         style.explain_empty(axes, "constant, or too few rows")

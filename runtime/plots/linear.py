@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
 from runtime.document import SECOND
+from runtime.plots.log_axes import label_log
 from runtime.plots.looks import LOOKS, fit, headline, styled
-from runtime.plots.style import COLOURS, GREY, WIDTH, label_log, line_style
+from runtime.plots.style import COLOURS, GREY, WIDTH, line_style
 
 Title = tuple[str, str]  # the graph, and what is shown of it
 

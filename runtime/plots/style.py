@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.document import SECOND, TIME_UNITS
@@ -22,7 +21,6 @@ from runtime.plots.thinning import thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
     from matplotlib.lines import Line2D
@@ -238,22 +236,6 @@ def line_style(i: int, covers: int = 0) -> dict[str, Any]:
     if covers:
         dashes = (0.0, (4.0, 3.0) if covers == 1 else (1.5, 5.5))
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
-
-
-def label_log(*axes: Axis) -> None:
-    """Label 2 and 5 of the minor ticks of logarithmic axes that show less than a decade.
-
-    Matplotlib would label all of them, in powers of ten, which overlap.
-    """
-    for axis in axes:
-        if axis.get_scale() == "log":
-            axis.set_minor_formatter(FuncFormatter(partial(_minor_label, axis)))
-
-
-def _minor_label(axis: Axis, value: float, place: int | None = None) -> str:
-    low, high = sorted(axis.get_view_interval())
-    first = f"{value:e}"[0]
-    return f"{value:g}" if low > 0.0 and high < 10.0 * low and first in "25" else ""
 
 
 def is_reference(*names: str) -> bool:

@@ -152,7 +152,7 @@ def _mean(line: Mapping[str, Any], unit: str, never: str) -> str:
     if line.get("identical"):
         return f"{pieces.quantity(line['mean'], unit)} (the seed changes nothing)"
     count, runs = line["n"], line.get("runs", line["n"])
-    return pieces.quantity(line["mean"], unit) + f" in {count} of {runs} runs" * (count < runs)
+    return f"{pieces.quantity(line['mean'], unit)}{f' in {count} of {runs} runs' * (count < runs)}"
 
 
 def _p(p: float | None) -> str:

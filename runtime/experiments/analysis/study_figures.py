@@ -71,11 +71,16 @@ def _page(figure: FigureSpec, columns: int = 1) -> tuple[Figure, list[Axes]]:
     return page, list(page.subplots(1, columns, squeeze=False, sharey=True).flat)
 
 
-def _finish(figure: FigureSpec, page: Figure, axes: Axes, x: str, y: str) -> Figure:
+def _finish(
+    figure: FigureSpec, page: Figure, axes: Axes, x: str, y: str, *swept: FloatArray
+) -> Figure:
+    """Scales, labels and the legend; ``swept`` are the values of the factors along the axes."""
     axes.set(xlabel=figure.x or x, ylabel=figure.y or y)
     for side in figure.log:
         getattr(axes, f"set_{side}scale")("log")
-    label_log(axes.xaxis, axes.yaxis)
+    for axis, values in zip((axes.xaxis, axes.yaxis), swept, strict=False):
+        label_log(axis, at=values)
+    label_log(*(axes.xaxis, axes.yaxis)[len(swept) :])
     handles, labels = axes.get_legend_handles_labels()
     if len(handles) > 1:
         widest = max(map(len, labels))
@@ -139,9 +144,12 @@ def _over_factor(figure: FigureSpec, data: SweepData) -> Figure:
     for i, (name, part) in enumerate(_parts(figure, data).items()):
         look = variant_style(i) | {"label": figure.label(name) or None}
         curve(axes, part, figure.metric, look)
-    for part in _parts(figure, data).values():
+    parts = _parts(figure, data).values()
+    for part in parts:
         _name_values(axes, part.axes[0], "x", figure)
-    return _finish(figure, page, axes, figure.label(figure.over[0]), _measured(figure, data))
+    swept = np.concatenate([part.axes[0].positions for part in parts])
+    words = figure.label(figure.over[0]), _measured(figure, data)
+    return _finish(figure, page, axes, *words, swept)
 
 
 def _measured(figure: FigureSpec, data: SweepData) -> str:
@@ -180,7 +188,8 @@ def _map(figure: FigureSpec, data: SweepData) -> Figure:
             lines = axes.contour(columns, rows, table, levels, colors="white", linewidths=0.8)
             axes.clabel(lines, fontsize=6.0, fmt=lambda level: f"{level:.3g}")
         axes.set_title(figure.label(name))
-        _finish(figure, page, axes, figure.label(figure.over[0]), figure.label(figure.over[1]))
+        words = figure.label(figure.over[0]), figure.label(figure.over[1])
+        _finish(figure, page, axes, *words, columns, rows)
     for axes in grid[1:]:
         axes.set_ylabel("")
     if image is not None:

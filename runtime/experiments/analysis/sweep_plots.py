@@ -28,7 +28,7 @@ from runtime.experiments.analysis.figures import MARK, beyond, panels
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.analysis.words import NEVER, SAME, mean_of
 from runtime.experiments.design import Objective
-from runtime.plots import COLOURS, GREY, LINESTYLES, label_log, styled
+from runtime.plots import COLOURS, GREY, LINESTYLES, label_log, power_text, styled
 
 COLUMNS = 2
 MARKERS = "os^Dv<>P*X"
@@ -170,7 +170,7 @@ def curve(axes: Axes, data: SweepData, metric: str, look: dict[str, Any]) -> Non
 def _label(axes: Axes, axis: Axis, side: str) -> None:
     """Label a factor's axis, and its ticks if they are names."""
     axes.set(**{f"{side}label": axis.path, f"{side}scale": "log" if axis.is_log else "linear"})
-    label_log(axes.xaxis, axes.yaxis)
+    label_log(axes.xaxis if side == "x" else axes.yaxis, at=axis.positions.tolist())
     if axis.names and len(axis.names) <= MANY_TICKS:
         _name_ticks(axes, side, range(len(axis.names)), axis.names)
 
@@ -194,7 +194,7 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str, scale: Norma
     image = axes.imshow(grid, origin="lower", aspect="auto", cmap=colours, norm=scale)
     figure.colorbar(image, ax=axes, pad=0.01, aspect=18)
     for axis, positions, side in ((first, columns, "x"), (second, rows, "y")):
-        names = [axis.names[int(p)] if axis.names else f"{p:.4g}" for p in positions]
+        names = [axis.names[int(p)] if axis.names else power_text(p) for p in positions]
         ticks = range(0, len(names), -(-len(names) // MANY_TICKS))
         _name_ticks(axes, side, ticks, [names[i] for i in ticks])
         axes.set(**{f"{side}label": axis.path})
@@ -355,5 +355,5 @@ def _vertical_axes(axes: Axes, verticals: list[Axis]) -> None:
         ends = [*_range(finite)] if len(finite) else []
         for place in axis.distinct if axis.names else ends:
             height = float(heights[np.nanargmin(np.abs(axis.positions - place))])
-            message = axis.names[int(place)] if axis.names else f"{place:.4g}"
+            message = axis.names[int(place)] if axis.names else power_text(place)
             axes.annotate(message, (x, height), **small)
