@@ -91,7 +91,6 @@ def legend(
         f"{how or TESTS[test]}.",
         f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all that can differ.",
     ]
-    same = [line.difference for line in lines if line.own.is_same]
     scales = {each.scale for each in differences if not (each.is_same or each.is_equal)}
     if "ranks" in scales and test == "auto":
         notes.append("ranks: signed-rank test and Hodges-Lehmann estimate of the difference.")
@@ -105,8 +104,7 @@ def legend(
     if any(not line.is_primary for line in lines):
         notes.append("Metrics that are not primary are described, not tested.")
     if any(line.own.is_same for line in lines):
-        is_tested = any(d is not None and not d.is_same for d in same)
-        notes.append(f"{SAME}: {SAME_BESIDE if is_tested else SAME_RUNS}.")
+        notes.append(_of_same_runs(lines))
     if any(line.own.n < line.runs and not line.own.is_same for line in lines):
         notes.append(
             "n/N: n of N seeds have a value (of a difference: both); means are over those."
@@ -135,6 +133,13 @@ def _few(lines: Sequence[ComparisonLine]) -> str:
         runs = f"{against} failed or infinite run{'s' * (against > 1)}"
         why = f": {runs} of {pairs} against the others, with the largest rank"
     return f"{too_few(line.needed)}{why}."
+
+
+def _of_same_runs(lines: Sequence[ComparisonLine]) -> str:
+    """What n = 1 means: beside runs that the seed does change, a difference is tested."""
+    found = [line.difference for line in lines if line.own.is_same and line.difference is not None]
+    is_tested = any(not each.is_same for each in found)
+    return f"{SAME}: {SAME_BESIDE if is_tested else SAME_RUNS}."
 
 
 def _cells(
