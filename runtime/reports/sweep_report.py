@@ -166,13 +166,14 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
         best_groups = [group for group in groups if group.cells in best]
         chosen = sorted(best_groups, key=lambda group: best[group.cells])[: len(best)]
     head = [*swept.factors, "ok"]
+    is_whole = best is None or swept.total == swept.data.seeds
     for metric in swept.shown:
         head += [swept.data.label(metric)]
-        head += [f"{metric}: 95 % interval"] * (best is None)
-    rows = [_configuration(swept, group, best is None) for group in chosen]
+        head += [f"{metric}: 95 % interval"] * is_whole
+    rows = [_configuration(swept, group, is_whole) for group in chosen]
     numbers = range(len(swept.factors), len(head))
     words = "Means and intervals are over the seeds; n/N: only n of the N seeds have a value."
-    if best is not None:
+    if not is_whole:
         words = "Means are over the seeds; n/N: only n of the N seeds have a value. The best are "
         words += f"{chosen_among(swept.total // swept.data.seeds)}."
     if swept.data.seeds > 1 and swept.data.is_same(swept.metrics):

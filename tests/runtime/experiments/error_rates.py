@@ -17,6 +17,7 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.experiments.analysis.statistics import LEVEL, Test, difference, estimate, mcnemar_test
+from tests.runtime.experiments import error_rates_of_choices
 
 DOCS = Path(__file__).parents[3] / "docs" / "experiments.md"
 BEGIN, END = "<!-- error rates, generated -->", "<!-- end -->"
@@ -175,6 +176,8 @@ def tables() -> Iterator[str]:
     yield from covered
     for title, is_skewed in (("mean, normal", False), ("mean, lognormal", True)):
         yield f"| {title} | `t` | {_cells(mean_coverage(n, is_skewed) for n in SEEDS)} |"
+    yield ""
+    yield from error_rates_of_choices.tables(DRAWS)
 
 
 def _cells(shares: Iterator[float] | map[float]) -> str:
