@@ -179,8 +179,8 @@ def is_library(cls: type) -> bool:
 
 def copies_itself(value: Any) -> bool:
     """Whether an object says itself how it is copied."""
-    cls, base = type(value), (object.__reduce__, object.__reduce_ex__)
-    own = (cls.__reduce__, cls.__reduce_ex__) != base
+    cls: Any = type(value)
+    own = cls.__reduce__ is not object.__reduce__ or cls.__reduce_ex__ is not object.__reduce_ex__
     return (own or hasattr(cls, "__deepcopy__")) and not isinstance(value, LISTED)
 
 
