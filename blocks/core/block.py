@@ -110,6 +110,8 @@ class Block:
     # What is executed of a file that a parameter names, as in "the library in the FMU"; '' for
     # nothing. --no-modules refuses such a block.
     executes: ClassVar[str] = ""
+    # Whether a note says where a condition of its events held to the end of a run without acting.
+    notes_conditions: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

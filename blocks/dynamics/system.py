@@ -159,7 +159,13 @@ class DynamicSystem(_System):
     ``events`` lists several. The time is located between ticks; with ``run: {events: ticks}``, an
     event acts at each tick at which its condition holds. ``out`` depends on inputs directly only if
     an expression of ``output`` names u.
+
+    A ball that bounces ever faster ends the run with an error. One that rests below 1 cm/s:
+    ``states: [h, v, up]``, ``initial: [1, 0, 1]``, ``derivative: [v, -9.81*up, 0]``,
+    ``when: h < 0 and v < 0``, ``then: [0, -0.5*v if v < -0.01 else 0, 1 if v < -0.01 else 0]``.
     """
+
+    notes_conditions = True
 
     rates: tuple[str, ...] = param(
         name="derivative", doc="the rate of change of each state: ['v', '-k*x + u[0]']"

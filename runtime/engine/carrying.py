@@ -185,8 +185,8 @@ def _take_run(engine: Engine, before: Engine, given: Carried) -> None:
         for crossing in new.integration.crossings:  # type: ignore[union-attr]
             same = first.get(str(crossing.guards))
             if same is not None and same.directions == crossing.directions:
-                sides = given.arrays["run/sides"][same.start : same.stop]
-                arrays["run/sides"][crossing.start : crossing.stop] = sides
+                sides = given.arrays["run/sides"][:, same.start : same.stop]
+                arrays["run/sides"][:, crossing.start : crossing.stop] = sides
     solved = {tuple(s.key for s in loop.unknowns): loop.number for loop in old.loops}
     for loop in new.loops:
         number = solved.get(tuple(signal.key for signal in loop.unknowns))

@@ -48,6 +48,7 @@ from runtime.engine.values import (
     FormError,
     NotFiniteError,
     OutputChecks,
+    unmet,
 )
 from runtime.errors import NotCopiedError, Problem, SimulationError, UsageError
 from runtime.network import Network
@@ -255,6 +256,9 @@ class Engine:
         if outcome.events is not None and len(outcome.events) == len(self.namespace["log"]):
             at = f"{len(outcome.events)} events, the last at t = {outcome.events[-1, 0]:g}"
             outcome.notes = [*outcome.notes, f"probes of events are full after {at}"]
+        if self.plan.integration is not None and "run/sides" in self.state.arrays:
+            sides = self.state.arrays["run/sides"]
+            outcome.notes = [*outcome.notes, *unmet(self.plan.integration, self.network, sides)]
         return outcome
 
     @property

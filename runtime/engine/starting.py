@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, ParameterError
-from runtime.engine.events import UNKNOWN
+from runtime.engine.events import SIDE, UNKNOWN
 from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
 from runtime.engine.program import Program
@@ -200,7 +200,9 @@ class Start:
         control[:] = controls(solver.rtol, solver.atol, longest, self.network.until)
         if part.ends_steps:
             directions = part.directions
-            self.state.arrays["run/sides"][:] = np.where(directions > 1.0, -1.0, UNKNOWN)
+            sides = self.state.arrays["run/sides"]
+            sides[:] = math.nan
+            sides[SIDE] = np.where(directions > 1.0, -1.0, UNKNOWN)
         jacobian: dict[str, FloatArray] = {}
         move: Callable[..., None] = blend
         if part.coupling is not None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from blocks.core import BlockState, FloatArray
 from blocks.registry import is_built_in
-from runtime.engine.events import BEFORE, SEARCH
+from runtime.engine.events import BEFORE, MEMORY, SEARCH
 from runtime.engine.loops import memory_shape
 from runtime.engine.program import Program
 from runtime.engine.solvers import controls
@@ -57,7 +57,12 @@ def run_shapes(plan: Plan) -> dict[str, tuple[int, ...]]:
         found["control"] = (len(controls(0.0, 0.0, 0.0, 0.0)),)
     if part is not None and part.ends_steps:
         guards = len(part.directions)
-        found |= {"search": (SEARCH,), "sides": (guards,), "guards": (guards,), "count": (1,)}
+        found |= {
+            "search": (SEARCH,),
+            "sides": (MEMORY, guards),
+            "guards": (guards,),
+            "count": (1,),
+        }
     return found | {f"loop_{loop.number}": memory_shape(loop) for loop in plan.loops}
 
 

@@ -18,11 +18,21 @@ from typing import Any, NoReturn
 import numpy as np
 
 from blocks.core import FloatArray, SignalType, state_shape
-from runtime.engine.events import MAX_EVENTS, decided, noted, opened, proposed
+from runtime.engine.events import (
+    ACTED,
+    FOLLOWED,
+    MAX_EVENTS,
+    ROSE,
+    SIDE,
+    decided,
+    noted,
+    opened,
+    proposed,
+)
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network
-from runtime.plan import Integrate
+from runtime.plan import Call, Integrate
 
 # What counts as a number where a float is expected; no array, and no text.
 NUMBERS = (float, int, np.floating, np.integer, np.bool_)
@@ -210,21 +220,46 @@ def event_names(part: Integrate, arrays: Mapping[str, np.ndarray[Any, Any]]) -> 
         "edges": part.edges,
         "log": np.empty((max(1, part.log), 2)),  # its memory is used where something is written
         **{each.__name__: each for each in (opened, proposed, decided, noted)},
-        "restless": partial(restless, part, fired),
+        "restless": partial(restless, part, arrays["run/search"], fired),
     }
 
 
-def restless(part: Integrate, fired: FloatArray, t: float) -> NoReturn:
+def restless(part: Integrate, search: FloatArray, fired: FloatArray, t: float) -> NoReturn:
     """Raise the error of events without end in one tick; called by the plan."""
     first = int(np.flatnonzero(fired)[0])
     block = next(each.block for each in part.crossings if each.stop > first)
+    count = search[ACTED]
+    many = f"more than {MAX_EVENTS}" if count > MAX_EVENTS else f"{count:.0f}"
     raise NotFiniteError(
-        f"more than {MAX_EVENTS} events since the tick, the last at t = {t:g} {part.time_unit}: "
+        f"{many} events since the tick, the last at t = {t:g} {part.time_unit}: "
         "they follow each other ever faster. A switch that undoes itself needs a hysteresis (of a "
         "Relay, switch_on above switch_off), an event should leave its condition; with "
         "run: {events: ticks}, each acts at most once a tick",
         block,
     )
+
+
+def unmet(part: Integrate, network: Network, sides: FloatArray) -> list[str]:
+    """Notes of conditions that held to the end of a run, after their last event or from the start.
+
+    An event acts where its condition becomes true: not again, where it has not been false.
+    """
+    notes = []
+    for crossing in part.crossings:
+        block = crossing.guards.block if isinstance(crossing.guards, Call) else ""
+        if not block or not network.entries[block].cls.notes_conditions:
+            continue
+        for i, direction in enumerate(crossing.directions):
+            side, at = sides[SIDE, crossing.start + i], sides[ROSE, crossing.start + i]
+            if direction == 1.0 and side in (1.0, FOLLOWED):
+                since = "the start" if math.isnan(at) else f"t = {at:g} {part.time_unit}"
+                acted = "and never acted" if math.isnan(at) else "when it acted last"
+                notes.append(
+                    f"block '{block}': the condition of event {i} held to the end since {since}, "
+                    f"{acted}; an event acts as its condition becomes true, so it has to be false "
+                    "in between"
+                )
+    return notes
 
 
 def _is_bad(kind: SignalType, value: Any) -> bool:

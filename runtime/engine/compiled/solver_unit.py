@@ -15,16 +15,23 @@ from runtime.codegen import FLOAT, INT, Array, Entry, Type
 from runtime.compiler import salt
 from runtime.engine import loops
 from runtime.engine.events import (
+    MEMORY,
     SEARCH,
     accept,
+    beyond,
+    came_back,
     decided,
+    followed,
+    following,
     guess,
     met,
+    narrowed,
     nearness,
     next_end,
     noted,
     opened,
     proposed,
+    settled,
 )
 from runtime.engine.rosenbrock import (
     difference,
@@ -85,7 +92,8 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         functions += [substep, growth, estimated, judged, refused]
     if part.ends_steps:
         entries += located(len(part.directions))
-        functions += [next_end, opened, proposed, nearness, met, accept, decided, guess, noted]
+        functions += [next_end, opened, proposed, beyond, nearness, met, accept]
+        functions += [following, came_back, settled, followed, narrowed, decided, guess, noted]
     return _written("the solver", entries, functions, TITLE)
 
 
@@ -122,7 +130,8 @@ def _written(
 def located(guards: int) -> list[Entry]:
     """The functions of steps that end at events and edges."""
     types: dict[str, Type] = dict.fromkeys(("t", "h", "dt"), FLOAT)
-    types |= dict.fromkeys(("sides", "directions", "guards", "fired"), Array("float", (guards,)))
+    types |= dict.fromkeys(("directions", "guards", "fired"), Array("float", (guards,)))
+    types |= {"sides": Array("float", (MEMORY, guards))}
     types |= {"search": Array("float", (SEARCH,)), "edges": Array("float", (None,))}
     types |= {"log": Array("float", (None, 2)), "count": Array("float", (1,))}
 

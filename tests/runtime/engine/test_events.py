@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -274,6 +275,126 @@ def test_events_without_end_are_an_error_that_names_the_block(engine: str) -> No
     band = {"push": {"type": "Relay", "low": -1.0, "high": 1.0, "switch_on": 0.01}}
     slides = recorded(blocks | band, wires, "x.out", **run)
     assert slides[10:].min() > -1e-12 and slides[10:].max() < 0.01 + 1e-12
+
+
+def ball(when: str, then: list[str], level: float = 0.0, **run: Any) -> dict[str, Any]:
+    block = {
+        "type": "DynamicSystem",
+        "states": ["h", "v"],
+        "derivative": ["v", "-9.81"],
+        "initial": [1.0 + level, 0.0],
+        "when": when,
+        "then": then,
+    }
+    return {"run": {"dt": 0.01, **run}, "blocks": {"b": block}, "probes": {"x": "b.out"}}
+
+
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "solver", ["rk4", pytest.param("dopri5", marks=SLOW), pytest.param("rodas4", marks=SLOW)]
+)
+@pytest.mark.parametrize(
+    ("when", "then", "level", "share"),
+    [
+        ("h < 0", ["h", "-0.5*v"], 0.0, 0.5),
+        ("h < 0", ["0", "-0.5*v"], 0.0, 0.5),
+        pytest.param("h <= 0", ["0", "-0.5*v"], 0.0, 0.5, marks=SLOW),
+        pytest.param("h < 0", ["abs(h)", "-0.5*v"], 0.0, 0.5, marks=SLOW),
+        pytest.param("h < 0 and v < 0", ["h", "-0.5*v"], 0.0, 0.5, marks=SLOW),
+        pytest.param("h < 1.5", ["h", "-0.3*v"], 1.5, 0.3, marks=SLOW),
+        pytest.param("h < 1.5", ["1.5", "-0.3*v"], 1.5, 0.3, marks=SLOW),
+        pytest.param("h < 0", ["h", "-0.01*v"], 0.0, 0.01, marks=SLOW),
+        pytest.param("h < 0", ["0", "0"], 0.0, 0.0, marks=SLOW),
+    ],
+)
+def test_a_ball_that_comes_to_rest_is_an_error_at_that_time(
+    when: str, then: list[str], level: float, share: float, solver: str, engine: str
+) -> None:
+    """The flights are a geometric series: sqrt(2 h / g) (1 + 2 r / (1 - r)) in all."""
+    end = math.sqrt(2.0 / 9.81) * (1.0 + 2.0 * share / (1.0 - share))
+    graph = runtime.load(ball(when, then, level, solver=solver, until=3.0))
+    with pytest.raises(SimulationError, match="block 'b'.*ever faster") as caught:
+        graph.run(engine=engine)
+    found = re.search(r"the last at t = ([0-9.]+) s", str(caught.value))
+    assert found is not None and float(found[1]) == pytest.approx(end, abs=2e-5)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ball_of_blocks_does_not_fall_through_the_floor_either(engine: str) -> None:
+    """Compare finds the floor and resets the speed: its output changes back as the ball leaves."""
+    blocks = {
+        "g": {"type": "Constant", "value": -9.81},
+        "v": {"type": "Integrator"},
+        "h": {"type": "Integrator", "initial": 1.0},
+        "floor": {"type": "Compare", "operator": "<", "value": 0.0},
+        "turned": {"type": "Gain", "gain": -0.5},
+    }
+    wires = {
+        "v": {"input": "g.value", "reset": "floor.out", "initial_input": "turned.out"},
+        "h": {"input": "v.out"},
+        "floor": {"input": "h.out"},
+        "turned": {"input": "v.out"},
+    }
+    for solver in ("rk4", "dopri5"):
+        run = {"dt": 0.01, "until": 3.0, "engine": engine, "solver": solver}
+        with pytest.raises(SimulationError, match=r"t = 1\.3545[67].* s: they follow each other"):
+            recorded(blocks, wires, "h.out", **run)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ball_rests_as_the_documentation_shows(engine: str) -> None:
+    document = ball(
+        "h < 0 and v < 0", ["0", "-0.5*v if v < -0.01 else 0", "1 if v < -0.01 else 0"], until=3.0
+    )
+    document["blocks"]["b"] |= {
+        "states": ["h", "v", "up"],
+        "derivative": ["v", "-9.81*up", "0"],
+        "initial": [1, 0, 1],
+    }
+    result = runtime.load(document).set("run.solver", "dopri5").run(engine=engine)
+    assert not result.notes
+    h, v, up = np.asarray(result["x"]).T
+    t = 0.01 * np.arange(len(h))
+    early = t < 1.3
+    np.testing.assert_allclose(h[early], falling(t[early], 9.81, 1.0, 0.5), atol=1e-9)
+    assert not np.any(h[t > 1.36]) and not np.any(v[t > 1.36]) and not np.any(up[t > 1.36])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("solver", ["rk4", "dopri5"])
+def test_an_event_that_leaves_its_condition_acts_once(solver: str, engine: str) -> None:
+    """It counts, and x goes on above the level."""
+    counted = {
+        "run": {"dt": 0.1, "until": 3.0, "engine": engine, "solver": solver},
+        "blocks": {
+            "x": {
+                "type": "DynamicSystem",
+                "states": ["x", "n"],
+                "derivative": ["1", "0"],
+                "initial": [0.0, 0.0],
+                "when": "x > 0.7315",
+                "then": ["x", "n + 1"],
+            }
+        },
+        "probes": {"y": "x.out", "at": {"events": "x"}},
+    }
+    once = runtime.load(counted).run()
+    assert once["y"][-1, 1] == 1.0 and once.time("at").tolist() == pytest.approx([0.7315])
+    (note,) = once.notes
+    assert "condition of event 0 held to the end since t = 0.7315 s, when it acted last" in note
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_condition_that_holds_from_the_start_to_the_end_is_noted(engine: str) -> None:
+    document = ball("h < 5", ["h", "-v"], until=0.5)
+    (note,) = runtime.load(document).run(engine=engine).notes
+    assert "block 'b': the condition of event 0 held to the end since the start" in note
+    stopped = ball("h < 0", ["h", "0"], until=1.0)  # falls on, from rest
+    (note,) = runtime.load(stopped).run(engine=engine).notes
+    assert "since t = 0.451524 s, when it acted last" in note
 
 
 @pytest.mark.parametrize("engine", ENGINES)
