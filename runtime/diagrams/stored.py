@@ -15,7 +15,7 @@ from typing import Any
 
 from runtime.diagrams.picture import CONSTANT, FATES, MINUS, Box, Net, Part, Picture, picture_of
 from runtime.document import SECOND, rate_text
-from runtime.files import NUMBER, check_form
+from runtime.files import NUMBER, check_form, parse_json
 from runtime.network import Network
 from runtime.observation import Probe
 
@@ -59,7 +59,7 @@ def read_picture(text: str) -> Picture:
     ValueError : the JSON is damaged; the message gives the location.
     """
     try:
-        data = json.loads(text)
+        data = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"not valid JSON ({error})") from None
     check_form(data, {"schema_version": int})
