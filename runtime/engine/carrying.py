@@ -206,7 +206,7 @@ def _same_probes(engine: Engine, before: Engine, rows: Saved) -> Saved:
             found[name] = rows[name]
         else:
             memory = None
-            if probe.synapse is not None:
+            if probe.is_filtered:
                 filtering = engine.recorder.filters[name]
                 filtering.taken, filtering.made = probe.values_read(tick), probe.rows(tick)
                 memory = filtering.saved()
@@ -216,4 +216,5 @@ def _same_probes(engine: Engine, before: Engine, rows: Saved) -> Saved:
 
 def _meaning(probe: Probe) -> Any:
     signals = tuple((s.address, str(s.kind), s.labels) for s in probe.signals)
-    return signals, probe.every, probe.first, str(probe.synapse), probe.shape
+    rows = probe.every, probe.first, probe.mean
+    return signals, rows, str(probe.synapse), probe.shape

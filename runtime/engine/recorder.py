@@ -57,7 +57,7 @@ def growing_rows(probes: Mapping[str, Probe]) -> dict[str, int]:
 
 def buffered(probe: Probe, gathered: Mapping[str, int]) -> int:
     """Rows of the buffer that the plan fills again and again; 0 if it fills the whole recording."""
-    return gathered.get(probe.name, 0) if probe.synapse is None else FILTERED_AT_ONCE
+    return FILTERED_AT_ONCE if probe.is_filtered else gathered.get(probe.name, 0)
 
 
 class Rows:
@@ -187,9 +187,9 @@ class Recorder:
     def _in_memory(self) -> None:
         """Filters that have seen nothing, and no rows in memory."""
         self.filters = {
-            name: ProbeFilter(probe, probe.synapse, self.dt)
+            name: ProbeFilter(probe, self.dt)
             for name, probe in self.probes.items()
-            if probe.synapse is not None
+            if probe.is_filtered
         }
         for name in self.gathered.keys() | self.filters.keys():
             if not isinstance(self.sinks.get(name), Stream):

@@ -103,7 +103,9 @@ def _run() -> Schema:
 
 
 def _probe() -> Schema:
-    every: Schema = {"anyOf": [{"type": "integer", "minimum": 1}, REFERENCE]}
+    ticks: Schema = {"anyOf": [{"type": "integer", "minimum": 0}, REFERENCE]}
+    sampled = _object({"period": ticks, "offset": ticks, "mean": {"type": "boolean"}})
+    every: Schema = {"anyOf": [{"type": "integer", "minimum": 1}, REFERENCE, sampled]}
     properties = {key: {"description": text} for key, text in PROBE_KEYS.items()}
     properties["of"] = SOURCES | properties["of"]
     properties["every"] = every | properties["every"]

@@ -30,7 +30,7 @@ from runtime.network import (
 MAX_RECORDING = 1024**4
 PROBE_KEYS = {
     "of": "an address, or several side by side",
-    "every": "base ticks between two rows",
+    "every": "base ticks between two rows, or {period, offset, mean: true}, a mean of each period",
     "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
     "label": "what figures call it: a string for each signal, or for each column",
     "unit": "of signals that have none: a string for each signal, or for each column",
@@ -88,7 +88,8 @@ class Probe:
     """One recorded array: one signal in its own shape, or several signals as columns.
 
     ``every`` are the ticks between two rows, ``first`` is that of the first row. A ``synapse``
-    filters the values of all ticks, of which the rows then show the filtered ones.
+    filters the values of all ticks, of which the rows then show the filtered ones. With ``mean``, a
+    row is the mean of the ``every`` ticks that end with its own.
     """
 
     name: str
@@ -97,6 +98,12 @@ class Probe:
     auto: bool = False
     synapse: Synapse | None = None
     first: int = 0
+    mean: bool = False
+
+    @property
+    def is_filtered(self) -> bool:
+        """Whether rows are made of the values of all ticks."""
+        return not self.constant and (self.synapse is not None or self.mean)
 
     @cached_property
     def inputs(self) -> tuple[int, int]:
@@ -104,7 +111,7 @@ class Probe:
 
         For a synapse these are those at which the signal is new, from the first row on.
         """
-        if self.synapse is None:
+        if not self.is_filtered:
             return self.every, self.first
         every, first = own_ticks(self.signals)
         return (every, first) if first <= self.first else (math.gcd(every, first), 0)
@@ -137,7 +144,7 @@ class Probe:
     @cached_property
     def held(self) -> tuple[bool, ...]:
         """Whether each column keeps its value from one row to the next; a filtered one does not."""
-        return tuple(s.held and self.synapse is None for s in self.signals for _ in s.labels)
+        return tuple(s.held and not self.is_filtered for s in self.signals for _ in s.labels)
 
     def clash(self) -> str:
         """Why the signals cannot share a probe; '' if they can."""

@@ -54,6 +54,7 @@ from runtime.observation.plots import (
     used_options,
 )
 from runtime.observation.plots import PlotSpec as PlotSpec
+from runtime.observation.probe_sampling import sampling
 from runtime.observation.probes import (
     MAX_RECORDING,
     PROBE_KEYS,
@@ -191,7 +192,7 @@ class _Reader:
         items = strings(of, place, "an address, as in plant.pose", self.problems)
         signals = [self.signal(item, where) for item, where in items]
         every_node = node.get("every")
-        every = self.every(every_node, f"{address}.every")
+        every, offset, mean = sampling(every_node, f"{address}.every", self.problems)
         synapse = self.synapse(node.get("synapse"), f"{address}.synapse")
         signals = describe_signals(
             signals, node.get("label"), f"{address}.label", with_names, self.problems
@@ -200,11 +201,11 @@ class _Reader:
             signals, node.get("unit"), f"{address}.unit", with_units, self.problems
         )
         present = tuple(signal for signal in signals if signal is not None)
-        probe = Probe(name, present, every, synapse=synapse)
+        probe = Probe(name, present, every, synapse=synapse, first=offset or 0, mean=mean)
         if every_node is not None and every and probe.missed_event():
             self.problems.add(every_node.where, f"{address}.every", probe.missed_event())
         else:
-            self.add(probe, of.where, place)
+            self.add(probe, of.where, place, offset)
 
     def synapse(self, node: Node | None, address: str) -> Synapse | None:
         """The filter of a probe; None for none."""
@@ -218,22 +219,12 @@ class _Reader:
             return None
         return synapse if synapse.order else None
 
-    def every(self, node: Node | None, address: str) -> int:
-        """The ticks between two rows as written; 0 for the signal's own rate."""
-        if node is None:
-            return 0
-        if not isinstance(node.value, int) or isinstance(node.value, bool) or node.value < 1:
-            message = f"expected a number of base ticks, 1 or more, got {node.describe()}"
-            self.problems.add(node.where, address, message)
-            return 0
-        return node.value
-
-    def add(self, probe: Probe, where: Where, address: str) -> None:
-        """Add a probe if its signals can be recorded together."""
+    def add(self, probe: Probe, where: Where, address: str, offset: int | None = None) -> None:
+        """Add a probe if its signals can be recorded together; an offset is as it is written."""
         if not probe.signals:
             return
         every, first = ticks_of_rows(probe.signals, probe.every)
-        probe = replace(probe, every=every, first=first)
+        probe = replace(probe, every=every, first=first if offset is None else offset)
         clash = probe.clash()
         if clash:
             self.problems.add(where, address, clash)

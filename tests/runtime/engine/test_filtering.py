@@ -99,3 +99,48 @@ def test_a_run_that_fails_at_once_has_no_filtered_rows() -> None:
     with pytest.raises(runtime.SimulationError, match="'f' at tick 0") as caught:
         graph.run()
     assert len(caught.value.result["y"]) == 0
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("memory", ["1G", "8K"], ids=["memory", "disk"])
+@pytest.mark.parametrize(("period", "offset"), [(10, 9), (700, None), (7, 0), (3, 1)])
+def test_means_and_offsets_are_of_the_rows_of_all_ticks(
+    engine: str, memory: str, period: int, offset: int | None
+) -> None:
+    raw = noisy(1.3).run()["raw"]
+    first = period - 1 if offset is None else offset
+    at = np.arange(first, len(raw), period)
+    graph = noisy(1.3).set("run.memory", memory)
+    given = {} if offset is None else {"offset": offset}
+    for mean in (True, False):
+        how = {"period": period, "mean": mean, **({"offset": first} if not mean else given)}
+        run = graph.set("probes.smooth", {"of": "noise.out", "every": how}).run(engine=engine)
+        expected = np.array([raw[max(0, k - period + 1) : k + 1].mean(axis=0) for k in at])
+        np.testing.assert_allclose(run["smooth"], expected if mean else raw[at], rtol=1e-12)
+        np.testing.assert_allclose(run.time("smooth"), at * 0.001, rtol=1e-12)
+
+
+def test_a_mean_does_not_depend_on_where_a_session_stops() -> None:
+    how = {"period": 50, "mean": True}
+    graph = noisy(0.5).set("probes.smooth", {"of": "noise.out", "every": how})
+    session = graph.session(engine="python")
+    for steps in (30, 1, 200, 269):
+        session.step(steps)
+        session.restore(session.snapshot())
+    assert np.array_equal(session.result()["smooth"], graph.run(engine="python")["smooth"])
+
+
+@pytest.mark.parametrize(
+    ("every", "expected"),
+    [
+        ({"offset": 3}, "missing 'period'"),
+        ({"period": 0}, "expected a number of base ticks, 1 or more"),
+        ({"period": 3, "offset": -1}, "expected a number of base ticks, 0 or more"),
+        ({"period": 3, "mean": 1}, "expected true or false"),
+        ({"period": 3, "offset": 3, "mean": True}, "expected less than the period of 3"),
+        ({"period": 3, "phase": 1}, "unknown key"),
+    ],
+)
+def test_a_wrong_period_is_said(every: Any, expected: str) -> None:
+    with pytest.raises(runtime.GraphError, match=expected):
+        noisy(0.1).set("probes.smooth", {"of": "noise.out", "every": every}).check()
