@@ -9,7 +9,7 @@ arrays, texts for comments and for an own Python file, and notes about what diff
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import Any
 
 import nengo
@@ -17,76 +17,47 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.nengo import live, nodes
-from runtime.nengo.decoding import Probed, between_neurons, decoder_entry, sliced_spikes
+from runtime.nengo import decoding, live, nodes
+from runtime.nengo.attributes import is_exactly
+from runtime.nengo.converted import Converted, Options
+from runtime.nengo.decoding import Probed, between_neurons, decoder_entry
 from runtime.nengo.flow import (
     Computed,
     Decoded,
     Filtered,
     Flow,
+    Junction,
     NodeOutput,
     Population,
     Source,
     Terms,
+    are_equal,
     is_full,
+    is_inside,
     rule_of,
+    rules_of,
     selected,
-    signal_of_rule,
+    summed,
+    weight_rules,
 )
 from runtime.nengo.populations import (
     ensemble_entry,
+    rule_entries,
     rule_entry,
     synapse_entry,
 )
-from runtime.nengo.probing import Recording, recording
+from runtime.nengo.probing import recording, sampled
 
 
-@dataclass(frozen=True)
-class Options:
-    """How to convert: dt and until (s), a seed of the network, whether neurons are drawn anew.
-
-    live : whether the graph is run in this process alone, and calls Python functions as they are.
-    """
-
-    dt: float = 0.001
-    until: float = 1.0
-    seed: int | None = None
-    redraw: bool = False
-    live: bool = False
-
-
-@dataclass
-class Converted:
-    """What a graph consists of.
-
-    recordings : for each probe where it is recorded.
-    populations : for each ensemble's block the members, in order.
-    simulator : Nengo's, which was built for it.
-    """
-
-    blocks: dict[str, dict[str, Any]] = field(default_factory=dict)
-    wires: dict[str, dict[str, Any]] = field(default_factory=dict)
-    probes: dict[str, Any] = field(default_factory=dict)
-    comments: dict[str, str] = field(default_factory=dict)
-    classes: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    tables: dict[str, FloatArray] = field(default_factory=dict)
-    recordings: dict[str, Recording] = field(default_factory=dict)
-    populations: dict[str, Population] = field(default_factory=dict)
-    calls: list[int] = field(default_factory=list)
-    simulator: Any = None
-
-
-def convert(network: Any, names: dict[Any, str], options: Options) -> Converted:
-    """Convert a network, which is built for it.
+def convert(network: Any, names: dict[Any, str], options: Options, built: Any = None) -> Converted:
+    """Convert a network, which is built for it unless Nengo's simulator of it is given.
 
     Raises
     ------
     UsageError : it contains what graphs do not have; the message names it.
     """
-    simulator = nengo.Simulator(
-        network, dt=options.dt, seed=options.seed, progress_bar=False, optimize=False
-    )
+    how = {"dt": options.dt, "seed": options.seed, "progress_bar": False, "optimize": False}
+    simulator = nengo.Simulator(network, **how) if built is None else built
     try:
         return Conversion(network, names, options, simulator).whole()
     finally:
@@ -107,6 +78,8 @@ class Conversion:
     def whole(self) -> Converted:
         for population in self.flow.populations:
             self.population(population)
+        for each in self.flow.junctions:
+            self.base(each)
         for population in self.flow.populations:
             self.inputs(population)
         for probe in self.network.all_probes:
@@ -145,22 +118,38 @@ class Conversion:
         terms = self.flow.into_population(population)
         if terms:
             self.wire(population.name, "input", terms)
-        else:
+        # A decoder that is solved for has the length of what it comes from.
+        if all(getattr(source, "population", None) is population for source, _ in terms):
             entry["dimensions"] = population.first.dimensions * population.groups
         currents = self.flow.into_population(population, neurons=True)
         if currents:
             self.wire(population.name, "current", currents)
-        for each in self.network.all_connections:
-            rule = rule_of(each)
-            if isinstance(rule, nengo.Voja) and each.post_obj is population.first:
-                entry["learning"] = rule_entry(rule)
-                factor = self.flow.into(signal_of_rule(each))
-                if factor:
-                    # Nengo's signal is added to 1: -1 stops learning.
-                    name = self.add(f"{population.name}_learn", {"type": "Function"})
-                    self.result.blocks[name]["expression"] = "1 + u"
-                    self.wire(name, "u", factor)
-                    self.result.wires.setdefault(population.name, {})["learn"] = f"{name}.out"
+        self.encoder_rules(population)
+
+    def encoder_rules(self, population: Population) -> None:
+        """The rules that turn the encoders, and the factor on their rates."""
+        found = [
+            (pair[0], self.flow.into(pair[1]))
+            for each in self.network.all_connections
+            if each.post_obj is population.first
+            for pair in rules_of(each)
+            if is_exactly(pair[0], nengo.Voja)
+        ]
+        if not found:
+            return
+        rules, factors = zip(*found, strict=True)
+        if any(not are_equal(factors[0], factor) for factor in factors):
+            raise UsageError(
+                f"{population.first}: Voja rules with signals of their own are not read together; "
+                "connect one signal to all of them"
+            )
+        name = population.name
+        self.result.blocks[name]["learning"] = rule_entries(list(rules), self.options.dt)
+        if factors[0]:
+            # Nengo's signal is added to 1: -1 stops learning.
+            learn = self.add(f"{name}_learn", {"type": "Function", "expression": "1 + u"})
+            self.wire(learn, "u", factors[0])
+            self.result.wires.setdefault(name, {})["learn"] = f"{learn}.out"
 
     def wire(self, consumer: str, port: str, terms: Terms) -> None:
         sources = [self.term(source, matrix, consumer) for source, matrix in terms]
@@ -225,13 +214,30 @@ class Conversion:
                 self.addresses[source] = self.lowpass(source, consumer)
             elif isinstance(source, NodeOutput):
                 self.addresses[source] = self.node(source.node)
+            elif isinstance(source, Junction):
+                self.junction(source)
             else:
                 self.addresses[source] = self.computed(source, consumer)
         return self.addresses[source]
 
+    def junction(self, source: Junction) -> None:
+        """A sum in a loop, whose address is known before what is added up."""
+        name = self.add(self.names[source.of], {"type": "Sum"})
+        self.addresses[source] = f"{name}.out"
+        terms = self.flow.into(source.of)
+        self.wire(name, "terms", terms)
+        if all(is_inside(each) for each, _ in terms):
+            # Nothing else says how long the vector is that goes round.
+            wires = self.result.wires[name]
+            given = wires["terms"] if isinstance(wires["terms"], list) else [wires["terms"]]
+            wires["terms"] = [*given, self.zeros(name, source.size)]
+
     def lowpass(self, source: Filtered, consumer: str) -> str:
         """A synapse after a node, whose output has the inputs of the steps before."""
-        inner, synapse = self.base(source.source, consumer), synapse_entry(source.synapse)
+        inner, synapse = (
+            self.base(source.source, consumer),
+            synapse_entry(source.synapse, self.options.dt),
+        )
         name = f"{inner.split('.')[0]}_filtered"
         if isinstance(synapse, float):
             name = self.add(name, {"type": "Lowpass", "tau": synapse})
@@ -248,9 +254,9 @@ class Conversion:
 
     def decoder(self, source: Decoded, consumer: str, matrix: FloatArray | None = None) -> str:
         """A Decoder, or Weights between neurons, with the matrix in its weights."""
-        weights, population = self.weights(source, matrix), source.population
+        weights, population = decoding.weights_of(source, matrix), source.population
         connection = source.connection
-        synapse, rule = synapse_entry(source.synapse), rule_of(connection)
+        synapse, rule = synapse_entry(source.synapse, self.options.dt), rule_of(connection)
         supervised = isinstance(rule, (nengo.PES, nengo.RLS))
         port = self.port(source)
         key = (population, port, str(synapse), weights.shape, weights.tobytes())
@@ -263,7 +269,8 @@ class Conversion:
             name = self.add(name, entry)
             self.result.wires[name] = {"spikes": spikes}
             if rule is not None:
-                entry["learning"] = rule_entry(rule)
+                rules = [each for each, _ in weight_rules(connection)]
+                entry["learning"] = rule_entries(rules, self.options.dt)
                 post = self.flow.of[getattr(connection.post_obj, "ensemble", connection.post_obj)][
                     0
                 ]
@@ -272,7 +279,7 @@ class Conversion:
             address = f"{name}.current"
         else:
             if supervised and isinstance(connection.pre_obj, nengo.ensemble.Neurons):
-                spikes, weights = sliced_spikes(connection, spikes, weights)
+                spikes, weights = decoding.sliced_spikes(connection, spikes, weights)
             entry, comment = decoder_entry(
                 source, weights, matrix, self.simulator, self.options.redraw, self.options.live
             )
@@ -307,9 +314,13 @@ class Conversion:
 
     def learning(self, name: str, source: Decoded, rule: Any) -> None:
         connection, rows = source.connection, source.rows
-        self.result.blocks[name]["learning"] = rule_entry(rule)
-        receiver = signal_of_rule(connection)
-        terms = self.flow.into(receiver)
+        self.result.blocks[name]["learning"] = rule_entry(rule, self.options.dt)
+        receiver, terms = weight_rules(connection)[0][1], []
+        for other, signal in weight_rules(connection):
+            # Errors of several rules add up, each by its own rate.
+            scale = 1.0 if other is rule else other.learning_rate / rule.learning_rate
+            terms += [(term, scale * matrix) for term, matrix in self.flow.into(signal)]
+        terms = summed(terms)
         if receiver.size_in != rows:
             # Of the represented vector: each neuron's error is that along its encoder.
             post = connection.post_obj
@@ -324,15 +335,6 @@ class Conversion:
         else:
             self.result.wires[name]["error"] = self.zeros(f"{name}_error", rows)
 
-    def weights(self, source: Decoded, matrix: FloatArray | None) -> FloatArray:
-        n = source.population.first.n_neurons
-        rows = [np.zeros((source.rows, n)) if w is None else w for w in source.weights]
-        whole = np.concatenate(rows, axis=1)
-        if matrix is None:
-            return whole
-        factor = matrix[0, 0] if source.population.groups > 1 else None
-        return np.asarray(matrix @ whole if factor is None else factor * whole)
-
     # Nodes
 
     def node(self, node: Any) -> str:
@@ -343,7 +345,7 @@ class Conversion:
         if options.live:
             call = live.checked(node.output, node.size_out) if callable(node.output) else None
             if nodes.is_process(node):
-                seed = self.simulator.seed
+                seed = self.simulator.seed if options.seed is None else options.seed
                 call = live.stepped(node.output, node.size_in, node.size_out, options.dt, seed)
             name = self.called(name, call, node.size_in, node.size_out, True)
             return self.fed(node, name)
@@ -421,25 +423,26 @@ class Conversion:
         """Record the nodes whose values are a table."""
         if not self.unrecorded:
             return
-        steps = max(2, round(self.options.until / self.options.dt) + 1)
-        values = nodes.recorded(self.simulator, [node for node, _ in self.unrecorded], steps)
-        self.result.tables["time"] = np.array([k * self.options.dt for k in range(steps)])
+        known = [node for node, _ in self.unrecorded]
+        values = nodes.recorded(self.simulator, known, self.options.dt, self.options.until)
+        self.result.tables["time"] = values["time"]
         for node, name in self.unrecorded:
             self.result.tables[name] = values[node]
-            self.result.blocks[name] |= {
-                "file": "", "time": "time", "columns": name, "method": "hold", "outside": "hold"
-            }  # fmt: skip
+            self.result.blocks[name] |= nodes.of_table(name)
 
     # Probes
 
     def probe(self, probe: Any) -> None:
         name = self.names[probe]
         found = recording(self, probe, name)
-        self.result.recordings[name] = found
         entry: dict[str, Any] = {} if found.synapse is None else {"synapse": found.synapse}
-        every = round(probe.sample_every / self.options.dt) if probe.sample_every else 1
-        if every > 1 and not self.options.live:
-            entry["every"] = every
-        # A simulator chooses components, and rows, of what is recorded in each step.
+        every = 1 if found.constant else sampled(probe, self.options)
+        if every > 1:
+            # Nengo's first row is that of the last step of a period.
+            entry["every"] = {"period": every, "offset": every - 1 + found.late}
+        self.result.recordings[name] = found = replace(found, every=every)
+        if found.differs and not self.options.live:
+            self.result.notes.append(f"{name}: recorded {found.differs}")
+        # A simulator chooses components of what is recorded.
         address = found.address if self.options.live or not found.whole else found.part()
         self.result.probes[name] = {"of": address, **entry} if entry else address

@@ -62,6 +62,17 @@ def decoder_entry(
     return entry if solver is None else {**entry, "solver": solver}, ""
 
 
+def weights_of(source: Decoded, matrix: FloatArray | None) -> FloatArray:
+    """The weights of all members side by side, multiplied by a matrix or by a number."""
+    n = source.population.first.n_neurons
+    rows = [np.zeros((source.rows, n)) if w is None else w for w in source.weights]
+    whole = np.concatenate(rows, axis=1)
+    if matrix is None:
+        return whole
+    factor = matrix[0, 0] if source.population.groups > 1 else None
+    return np.asarray(matrix @ whole if factor is None else factor * whole)
+
+
 def function_table(connection: Any, simulator: Any) -> dict[str, FloatArray]:
     """A function that is no expression, as its values at the points that Nengo solves on."""
     points = np.asarray(simulator.data[connection].eval_points, dtype=float)

@@ -15,10 +15,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import nengo
+import networkx as nx
 import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
+from runtime.nengo.attributes import is_exactly
 from runtime.nengo.convolution import TRANSFORMS, convolution_matrix
 
 # Bytes of one transform. Connections in a row are multiplied as matrices, which also a convolution
@@ -112,7 +114,18 @@ class Computed:
     size: int
 
 
-Source = NodeOutput | Decoded | Filtered | Computed
+@dataclass(eq=False)
+class Junction:
+    """What reaches a passthrough node, or an ensemble without neurons, that is in a loop."""
+
+    of: Any
+
+    @property
+    def size(self) -> int:
+        return int(self.of.size_in)
+
+
+Source = NodeOutput | Decoded | Filtered | Computed | Junction
 Terms = list[tuple[Source, FloatArray]]
 
 
@@ -138,6 +151,26 @@ class Flow:
             if ensemble not in self.of and not is_direct(ensemble):
                 self._add(Population([ensemble]))
         self.array_of = {m: n for n in arrays for m in n.ea_ensembles}
+        self.sources |= {each: Junction(each) for each in self._looped()}
+
+    @property
+    def junctions(self) -> list[Junction]:
+        return [each for each in self.sources.values() if isinstance(each, Junction)]
+
+    def _looped(self) -> list[Any]:
+        """What would be folded, but is in a loop of such objects alone."""
+        folded = {n for n in self.network.all_nodes if n.output is None}
+        folded |= {e for e in self.network.all_ensembles if is_direct(e)}
+        wires = [(c.pre_obj, c.post_obj) for c in self.network.all_connections]
+        graph = nx.DiGraph(wire for wire in wires if folded.issuperset(wire))
+        loops = (c for c in nx.strongly_connected_components(graph) if len(c) > 1)
+        found = set().union(*loops, nx.nodes_with_selfloops(graph))
+        return [o for o in (*self.network.all_nodes, *self.network.all_ensembles) if o in found]
+
+    def reaching(self, folded: Any) -> Terms:
+        """What a passthrough node, or an ensemble without neurons, passes on."""
+        source = self.sources.get(folded)
+        return self.into(folded) if source is None else [(source, np.eye(source.size))]
 
     def _add(self, population: Population) -> None:
         self.populations.append(population)
@@ -183,7 +216,7 @@ class Flow:
         if isinstance(before, nengo.Node) and before.output is not None:
             terms: Terms = [(self.node_output(before), np.eye(before.size_out))]
         else:
-            terms = self.into(before)
+            terms = self.reaching(before)
         chosen = np.arange(before.size_out)[connection.pre_slice]
         terms = [(source, m[chosen]) for source, m in terms]
         if connection.function is not None:
@@ -285,12 +318,27 @@ class Flow:
         return found
 
 
+def is_inside(source: Source) -> bool:
+    """Whether a source comes from a loop of passthrough nodes, through synapses alone."""
+    while isinstance(source, Filtered):
+        source = source.source
+    return isinstance(source, Junction)
+
+
 def summed(terms: Iterable[tuple[Source, FloatArray]]) -> Terms:
     """Terms with one matrix for each source."""
     total: dict[Source, FloatArray] = {}
     for source, matrix in terms:
         total[source] = total[source] + matrix if source in total else matrix
     return [(source, matrix) for source, matrix in total.items() if matrix.any()]
+
+
+def are_equal(terms: Terms, others: Terms) -> bool:
+    """Whether two sums have the same matrices of the same sources."""
+    pairs = dict(others)
+    return len(terms) == len(others) and all(
+        source in pairs and np.array_equal(matrix, pairs[source]) for source, matrix in terms
+    )
 
 
 def selected(matrix: FloatArray) -> str:
@@ -305,28 +353,46 @@ def selected(matrix: FloatArray) -> str:
     return f"{columns[0]}" if len(columns) == 1 else f"{columns[0]}:{columns[-1] + 1}"
 
 
-def rule_of(connection: Any) -> Any:
-    """The rule of a connection, or None.
+def rules_of(connection: Any) -> list[tuple[Any, Any]]:
+    """The rules of a connection, each with what its error or factor is connected to."""
+    rules, signals = connection.learning_rule_type, connection.learning_rule
+    if rules is None:
+        return []
+    if isinstance(rules, dict):
+        rules, signals = list(rules.values()), [signals[name] for name in rules]
+    if not isinstance(rules, (list, tuple)):
+        return [(rules, signals)]
+    # Nengo builds equal rules once.
+    pairs = list(zip(rules, signals, strict=True))
+    return [pair for i, pair in enumerate(pairs) if pair[0] not in rules[:i]]
+
+
+def weight_rules(connection: Any) -> list[tuple[Any, Any]]:
+    """The rules that change a connection's weights; Voja changes encoders.
 
     Raises
     ------
-    UsageError : there are several.
+    UsageError : they are not of one kind.
     """
-    return _only(connection.learning_rule_type, connection)
+    if connection.learning_rule_type is None:
+        return []
+    found = [pair for pair in rules_of(connection) if not is_exactly(pair[0], nengo.Voja)]
+    rules = [rule for rule, _ in found]
+    if len(rules) < 2:
+        return found
+    errors = all(is_exactly(rule, nengo.PES) for rule in rules)
+    if errors and len({rule.pre_synapse for rule in rules}) == 1:
+        return found
+    if not all(is_exactly(rule, nengo.BCM, nengo.Oja) for rule in rules):
+        known = "several PES with one pre_synapse, or a BCM and an Oja"
+        raise UsageError(f"{connection}: its rules are not read together; expected {known}")
+    return found
 
 
-def signal_of_rule(connection: Any) -> Any:
-    """What the error of a connection's rule is connected to."""
-    return _only(connection.learning_rule, connection)
-
-
-def _only(rule: Any, connection: Any) -> Any:
-    rules = list(rule.values()) if isinstance(rule, dict) else rule
-    if not isinstance(rules, (list, tuple)):
-        return rules
-    if len(rules) > 1:
-        raise UsageError(f"{connection}: several rules on one connection are not read")
-    return rules[0] if rules else None
+def rule_of(connection: Any) -> Any:
+    """The first rule that changes a connection's weights, or None."""
+    found = weight_rules(connection)
+    return found[0][0] if found else None
 
 
 def is_full(connection: Any) -> bool:

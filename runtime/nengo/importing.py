@@ -15,10 +15,14 @@ from typing import Any
 import nengo
 import numpy as np
 
+from blocks.core import FloatArray
 from runtime.graph import load
-from runtime.nengo.conversion import Converted, Options, convert
+from runtime.nengo.conversion import convert
+from runtime.nengo.converted import Converted, Options
 from runtime.nengo.reading import names, read_network
 from runtime.nengo.writing import files, write
+
+TOLERANCE = 1e-6  # of the largest value: rounding, after some seconds of a recurrent network
 
 
 @dataclass(frozen=True)
@@ -35,11 +39,6 @@ class Imported:
         return len(self.converted.blocks)
 
     @property
-    def late(self) -> dict[str, tuple[Any, int]]:
-        """For each probe's name Nengo's probe, and how many rows later ours are."""
-        return {n: (each.probe, each.late) for n, each in self.converted.recordings.items()}
-
-    @property
     def notes(self) -> list[str]:
         return self.converted.notes
 
@@ -53,17 +52,32 @@ class Imported:
         """Run both, and compare the spikes of each population and what is probed."""
         until = self.options.until if until is None else until
         ours, theirs = run_both(self, until, engine)
-        told = {}
-        for name, mine in ours.items():
-            other = theirs[name]
-            if name.startswith("spikes of "):
-                same = np.array_equal(mine, other)
-                count = int(np.count_nonzero(other))
-                different = int(np.count_nonzero((mine != 0.0) != (other != 0.0)))
-                told[name] = f"equal ({count})" if same else f"{different} of {count} differ"
-            else:
-                told[name] = f"largest difference {np.abs(mine - other).max(initial=0.0):.2g}"
-        return told
+        return {name: compared(name, mine, theirs[name]) for name, mine in ours.items()}
+
+
+def compared(name: str, mine: FloatArray, other: FloatArray) -> str:
+    """In words how far one recording is from another; :func:`is_equal` tells apart what it says."""
+    if mine.shape != other.shape:
+        return f"differs: {len(mine)} rows of {mine.shape[1:]}, Nengo has {other.shape}"
+    largest = float(np.abs(mine - other).max(initial=0.0))
+    if not name.startswith("spikes of "):
+        scale = float(np.abs(other).max(initial=0.0))
+        fits = largest <= TOLERANCE * max(scale, 1e-6)
+        return f"{'' if fits else 'differs: '}largest difference {largest:.2g}"
+    count = int(np.count_nonzero(other))
+    if np.array_equal(mine, other):
+        return f"equal ({count})"
+    different = int(np.count_nonzero((mine != 0.0) != (other != 0.0)))
+    if different:
+        return f"differs: {different} of {count} differ"
+    # Of rates, of which hardly one is 0: how large they are is the difference.
+    fits = largest <= TOLERANCE * float(np.abs(other).max(initial=1.0))
+    return f"{'equal' if fits else 'differs:'} ({count}), largest difference {largest:.2g} Hz"
+
+
+def is_equal(told: str) -> bool:
+    """Whether what :func:`compared` says is no difference beyond rounding."""
+    return not told.startswith("differs")
 
 
 def run_both(
@@ -72,7 +86,7 @@ def run_both(
     """Spikes and probes of the graph and of Nengo, rows of the same times side by side."""
     dt, steps = imported.options.dt, round(until / imported.options.dt)
     graph = load(imported.files[0]).set("run.until", (steps + 2) * dt)
-    populations, late = imported.converted.populations, imported.late
+    populations = imported.converted.populations
     for name in populations:
         graph = graph.probe(f"{name}_spikes_", f"{name}.fired")
     result = graph.run(engine=engine)
@@ -92,13 +106,17 @@ def run_both(
             both = f"spikes of {name}"
             theirs[both] = np.concatenate([simulator.data[p] for p in probes], axis=1)
             ours[both] = result[f"{name}_spikes_"][:steps]
-        for name, (probe, shift) in late.items():
-            values = np.asarray(simulator.data[probe])
-            mine = np.asarray(result[name])
-            every = round(probe.sample_every / dt) if probe.sample_every else 1
-            if every == 1:
-                theirs[name] = values
-                ours[name] = mine[shift : shift + len(values)].reshape(values.shape)
+        for name, found in imported.converted.recordings.items():
+            theirs[name] = np.asarray(simulator.data[found.probe])
+            mine, count = np.asarray(result[name]), len(theirs[name])
+            if found.constant or (len(mine) == 1 < count):  # recorded once
+                mine = np.repeat(mine[:1], count + found.late, axis=0)
+            first = found.late if found.every == 1 else 0  # or the probe begins later
+            mine = mine[first : first + count]
+            if found.then is not None:
+                mine = found.then(mine)
+            fits = mine.size == theirs[name].size
+            ours[name] = mine.reshape(theirs[name].shape) if fits else mine
     finally:
         for probes in added.values():
             for probe in probes:
@@ -112,13 +130,15 @@ def import_network(
     variables: Mapping[str, Any] | None = None,
     *,
     title: str = "",
+    built: Any = None,
     **options: Any,
 ) -> Imported:
     """Write a network as a graph, and check the graph.
 
     Parameters
     ----------
-    variables : names of objects of the network. options : those of :class:`Options`.
+    variables : names of objects of the network. built : Nengo's simulator of it, whose neurons are
+    taken. options : those of :class:`Options`.
 
     Raises
     ------
@@ -126,7 +146,7 @@ def import_network(
     GraphError : the graph is wrong.
     """
     chosen = Options(**options)
-    converted = convert(network, names(network, variables or {}), chosen)
+    converted = convert(network, names(network, variables or {}), chosen, built)
     title = title or network.label or path.stem
     written = write(path, *files(converted, chosen, title, path))
     load(path).check()

@@ -95,15 +95,23 @@ def of_values(function: Any, d: int, name: str, radius: float = 1.0) -> Text | N
     return expression_of(function, points, {name: d})
 
 
-def recorded(simulator: Any, nodes: list[Any], steps: int) -> dict[Any, FloatArray]:
-    """What nodes without inputs put out in each step, (steps, size)."""
+def recorded(simulator: Any, nodes: list[Any], dt: float, until: float) -> dict[Any, FloatArray]:
+    """What nodes put out in each step, (steps, size), and the times of these."""
+    steps = max(2, round(until / dt) + 1)
     signals = {node: simulator.model.sig[node]["out"] for node in nodes}
     rows: dict[Any, list[FloatArray]] = {node: [] for node in nodes}
     for _ in range(steps):
         simulator.step()
         for node, signal in signals.items():
             rows[node].append(np.array(simulator.signals[signal], dtype=float).reshape(-1))
-    return {node: np.array(each) for node, each in rows.items()}
+    times = np.array([k * dt for k in range(steps)])
+    return {"time": times} | {node: np.array(each) for node, each in rows.items()}
+
+
+def of_table(name: str) -> dict[str, str]:
+    """A block that replays the column of a table, whose file is not known yet."""
+    columns = {"file": "", "time": "time", "columns": name}
+    return {**columns, "method": "hold", "outside": "hold"}
 
 
 def is_process(node: Any) -> bool:

@@ -12,10 +12,17 @@ from typing import Any
 
 import nengo
 import numpy as np
+from scipy.signal import cont2discrete
 
 from runtime.errors import UsageError
+from runtime.nengo.attributes import is_exactly, number, only_reads
 from runtime.nengo.flow import Population
 
+# Parameters of an ensemble that are read; its points of evaluation are in what was solved.
+READ = {
+    *("n_neurons", "dimensions", "radius", "encoders", "intercepts", "max_rates", "gain", "bias"),
+    *("eval_points", "n_eval_points", "neuron_type", "noise", "normalize_encoders"),
+}
 # Our model for each of Nengo's, and our parameters for its attributes.
 MODELS: dict[str, tuple[str, dict[str, str]]] = {
     "LIF": ("LIF", {"tau_rc": "tau_rc", "tau_ref": "tau_ref", "min_voltage": "min_voltage"}),
@@ -45,41 +52,74 @@ RULES = {
     "Voja": ("voja", {"learning_rate": "learning_rate", "tau": "post_synapse"}),
     "BCM": (
         "bcm",
-        {"learning_rate": "learning_rate", "tau": "pre_synapse", "theta_tau": "theta_synapse"},
+        {
+            "learning_rate": "learning_rate",
+            "tau": "pre_synapse",
+            "post_tau": "post_synapse",
+            "theta_tau": "theta_synapse",
+        },
     ),
-    "Oja": ("oja", {"learning_rate": "learning_rate", "tau": "pre_synapse", "beta": "beta"}),
+    "Oja": (
+        "oja",
+        {
+            "learning_rate": "learning_rate",
+            "tau": "pre_synapse",
+            "post_tau": "post_synapse",
+            "beta": "beta",
+        },
+    ),
+}
+# States of Nengo's neurons, and our names of their first values.
+STATES = {
+    "voltage": "voltage",
+    "refractory_time": "refractory",
+    "adaptation": "recovery",
+    "recovery": "recovery",
 }
 
 
-def synapse_entry(synapse: Any) -> Any:
+def synapse_entry(synapse: Any, dt: float) -> Any:
     """A synapse as a Decoder takes it."""
     if synapse is None:
         return "none"
-    if isinstance(synapse, nengo.Lowpass):
+    if is_exactly(synapse, nengo.synapses.Triangle):
+        only_reads(synapse, "t")
+        return f"triangle({number(synapse.t)})"
+    kinds = (nengo.Lowpass, nengo.Alpha, nengo.LinearFilter)
+    if not is_exactly(synapse, *kinds):
+        known = "a Lowpass, Alpha, Triangle or LinearFilter"
+        raise UsageError(f"{synapse!r} is not read; expected {known}")
+    only_reads(synapse, "tau", "num", "den", "analog", "method")
+    exact = synapse.analog and synapse.method == "zoh"
+    if exact and is_exactly(synapse, nengo.Lowpass):
         return float(synapse.tau) if synapse.tau > 0.0 else "none"
-    if isinstance(synapse, nengo.Alpha):
-        return f"alpha({synapse.tau:g})"
-    if isinstance(synapse, nengo.Triangle):
-        return f"triangle({synapse.t:g})"
-    if isinstance(synapse, nengo.LinearFilter):
-        num, den = (np.asarray(each, dtype=float).tolist() for each in (synapse.num, synapse.den))
-        if len(den) == 1:
-            raise UsageError(f"{synapse!r} is a gain, which is not read; put it into the transform")
-        discrete = {} if synapse.analog else {"discrete": True}
-        return {"type": "linear", "num": num, "den": den, **discrete}
-    raise UsageError(
-        f"{synapse!r} is not read; expected a Lowpass, Alpha, Triangle or LinearFilter"
-    )
+    if exact and is_exactly(synapse, nengo.Alpha):
+        return f"alpha({number(synapse.tau)})"
+    num, den = np.asarray(synapse.num, dtype=float), np.asarray(synapse.den, dtype=float)
+    if len(den) == 1:
+        raise UsageError(f"{synapse!r} is a gain, which is not read; put it into the transform")
+    if synapse.analog and not exact:
+        # By another rule than that of a graph, which takes the result for its step.
+        num, den, _ = cont2discrete((num, den), dt, method=synapse.method)
+        num = np.ravel(num)
+    first = int(np.flatnonzero(num)[0]) if num.any() else len(num) - 1
+    entry = {"type": "linear", "num": num[first:].tolist(), "den": den.tolist()}
+    return entry if exact else {**entry, "discrete": True}
 
 
 def neuron_entry(neuron: Any) -> Any:
     """A neuron model, with the parameters that differ from the model's own."""
-    emission = next((word for kind, word in EMISSIONS if isinstance(neuron, kind)), "")
+    emission = next((word for kind, word in EMISSIONS if is_exactly(neuron, kind)), "")
     base = neuron.base_type if emission else neuron
     name = type(base).__name__
-    if name not in MODELS:
+    if name not in MODELS or not is_exactly(base, getattr(nengo, name)):
         raise UsageError(f"{neuron!r} is not read; expected one of {', '.join(MODELS)}")
     kind, names = MODELS[name]
+    if emission:
+        only_reads(neuron, "base_type", "amplitude", "initial_state")
+        only_reads(base, *names.values(), "amplitude", "initial_state")
+    else:
+        only_reads(neuron, *names.values(), "amplitude", "initial_state")
     default = type(base)()
     entry: dict[str, Any] = {
         ours: float(getattr(base, theirs))
@@ -101,9 +141,11 @@ def noise_entry(process: Any, dt: float) -> dict[str, Any]:
     Nengo divides what is drawn by the root of the step, or with ``scale=False`` does not.
     """
     kinds = (nengo.processes.WhiteNoise, nengo.processes.FilteredNoise)
-    if not isinstance(process, kinds):
+    if not is_exactly(process, *kinds):
         known = "WhiteNoise or FilteredNoise"
         raise UsageError(f"{process!r} is not read as noise of an ensemble; expected {known}")
+    only_reads(process, "dist", "scale", "synapse")
+    only_reads(process.dist, "mean", "std", "low", "high", "scale", "shift", "options")
     root = 1.0 if process.scale else float(np.sqrt(dt))
     dists, drawn = nengo.dists, process.dist
     if isinstance(drawn, dists.Gaussian):
@@ -113,32 +155,37 @@ def noise_entry(process: Any, dt: float) -> dict[str, Any]:
     elif isinstance(drawn, dists.Exponential):
         drawn = dists.Exponential(drawn.scale * root, drawn.shift * root, drawn.high * root)
     elif isinstance(drawn, dists.Choice) and np.size(drawn.options) == 1:
-        return {"noise": float(np.ravel(drawn.options)[0]) * root} | _noise_synapse(process)
+        return {"noise": float(np.ravel(drawn.options)[0]) * root} | _noise_synapse(process, dt)
     else:
         raise UsageError(f"{drawn!r} is not read as noise of an ensemble")
-    return {"noise": distribution_entry(drawn)} | _noise_synapse(process)
+    return {"noise": distribution_entry(drawn)} | _noise_synapse(process, dt)
 
 
-def _noise_synapse(process: Any) -> dict[str, Any]:
-    synapse = synapse_entry(getattr(process, "synapse", None))
+def _noise_synapse(process: Any, dt: float) -> dict[str, Any]:
+    synapse = synapse_entry(getattr(process, "synapse", None), dt)
     return {} if synapse == "none" else {"noise_synapse": synapse}
 
 
-def rule_entry(rule: Any) -> dict[str, Any]:
+def rule_entry(rule: Any, dt: float) -> dict[str, Any]:
     """A rule of learning."""
     name = type(rule).__name__
-    if name not in RULES:
+    if name not in RULES or not is_exactly(rule, getattr(nengo, name)):
         raise UsageError(f"{rule!r} is not read; expected one of {', '.join(RULES)}")
     label, names = RULES[name]
+    only_reads(rule, "size_in", *names.values())
     entry: dict[str, Any] = {"rule": label}
     for ours, theirs in names.items():
         value = getattr(rule, theirs)
-        if ours.endswith("tau"):
-            value = 0.0 if value is None or value == nengo.Lowpass(0) else synapse_entry(value)
-            if not isinstance(value, float):
-                raise UsageError(f"{rule!r}: its {theirs} is not read; expected a Lowpass")
-        entry[ours] = value if ours.endswith("tau") else float(value)
+        if ours == "post_tau" and value is None:
+            continue  # that of the other side
+        entry[ours] = synapse_entry(value, dt) if ours.endswith("tau") else float(value)
     return entry
+
+
+def rule_entries(rules: list[Any], dt: float) -> Any:
+    """The rules of one connection, or of one ensemble, that add up."""
+    entries = [rule_entry(rule, dt) for rule in rules]
+    return entries if len(entries) > 1 else entries[0]
 
 
 def ensemble_entry(population: Population, simulator: Any, redraw: bool) -> dict[str, Any]:
@@ -158,19 +205,31 @@ def ensemble_entry(population: Population, simulator: Any, redraw: bool) -> dict
         entry |= noise_entry(first.noise, simulator.dt)
     if not first.normalize_encoders:
         entry["normalize"] = False
+    only_reads(first, *READ)
     if redraw:
         return entry | _distributions(first)
     built = [simulator.data[member] for member in population.members]
     for name, attribute in (("gain", "gain"), ("bias", "bias"), ("encoders", "encoders")):
         entry[name] = np.concatenate([np.asarray(getattr(b, attribute), float) for b in built])
-    voltages = [simulator.model.sig[m.neurons].get("voltage") for m in population.members]
-    if all(v is not None for v in voltages):
-        entry["voltage"] = np.concatenate([np.asarray(v.initial_value, float) for v in voltages])
+    for theirs, ours in STATES.items():
+        begin = [simulator.model.sig[m.neurons].get(theirs) for m in population.members]
+        if all(each is not None for each in begin):
+            values = np.concatenate([np.asarray(b.initial_value, float) for b in begin])
+            if ours == "voltage" or values.any():
+                entry[ours] = values
     return entry
+
+
+DISTRIBUTIONS = {
+    nengo.dists.Uniform: ("uniform", ("low", "high")),
+    nengo.dists.Gaussian: ("normal", ("mean", "std")),
+    nengo.dists.Exponential: ("exponential", ("scale", "shift", "high")),
+}
 
 
 def _distributions(ensemble: Any) -> dict[str, Any]:
     """The distributions that an ensemble gives; those that it leaves to Nengo are ours as well."""
+    only_reads(ensemble, *(READ - {"eval_points", "n_eval_points"}))
     entry: dict[str, Any] = {}
     names = ["max_rates", "intercepts", "encoders", "gain", "bias"]
     for name in names:
@@ -178,6 +237,10 @@ def _distributions(ensemble: Any) -> dict[str, Any]:
         default = getattr(nengo.Ensemble, name).default
         if value is not None and (isinstance(value, np.ndarray) or value != default):
             entry[name] = distribution_entry(value)
+    given = (getattr(ensemble.neuron_type, "base_type", None), ensemble.neuron_type)
+    for neuron in filter(None, given):
+        for theirs, value in (neuron.initial_state or {}).items():
+            entry[STATES[theirs]] = distribution_entry(value)
     return entry
 
 
@@ -186,19 +249,21 @@ def distribution_entry(value: Any) -> Any:
     if isinstance(value, (list, tuple, np.ndarray)):
         return np.asarray(value, dtype=float)
     dists = nengo.dists
-    if isinstance(value, dists.Uniform):
-        return f"uniform({value.low:g}, {value.high:g})"
-    if isinstance(value, dists.Gaussian):
-        return f"normal({value.mean:g}, {value.std:g})"
-    if isinstance(value, dists.Exponential):
-        return f"exponential({value.scale:g}, {value.shift:g}, {value.high:g})"
-    if isinstance(value, dists.Choice):
+    for kind, (name, arguments) in DISTRIBUTIONS.items():
+        if is_exactly(value, kind):
+            only_reads(value, *arguments)
+            given = [getattr(value, each) for each in arguments]
+            shown = [number(each) for each in given if np.isfinite(each)]
+            return f"{name}({', '.join(shown)})"
+    if is_exactly(value, dists.Choice):
+        only_reads(value, "options")
         options = np.asarray(value.options, dtype=float)
         options = options[:, 0] if options.ndim == 2 and options.shape[1] == 1 else options
         return f"choice({options.tolist()})"
-    if isinstance(value, dists.CosineSimilarity):
+    if is_exactly(value, dists.CosineSimilarity):
         return f"cosine({value.dimensions})"
-    if isinstance(value, (dists.ScatteredHypersphere, dists.UniformHypersphere)):
+    if is_exactly(value, dists.ScatteredHypersphere, dists.UniformHypersphere):
+        only_reads(value, "surface")
         return "sphere" if value.surface else "ball"
     raise UsageError(f"{value!r} is not read as a distribution")
 
@@ -217,8 +282,9 @@ SOLVERS = {
 def solver_entry(solver: Any) -> Any:
     """A solver of decoders; None for the default."""
     name = type(solver).__name__
-    if name not in SOLVERS:
+    if name not in SOLVERS or not is_exactly(solver, getattr(nengo.solvers, name)):
         raise UsageError(f"{solver!r} is not read; expected one of {', '.join(SOLVERS)}")
+    only_reads(solver, "weights", "reg", "noise", "l1", "l2")
     given = {n: float(getattr(solver, n)) for n in ("reg", "noise", "l1", "l2") if
              isinstance(getattr(solver, n, None), (int, float))}  # fmt: skip
     default = type(solver)()

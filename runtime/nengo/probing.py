@@ -20,7 +20,7 @@ from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.nengo.decoding import Probed
 from runtime.nengo.flow import Decoded, Flow, Terms, holds_gains, is_direct, is_full, rule_of
-from runtime.nengo.populations import rule_entry, synapse_entry
+from runtime.nengo.populations import synapse_entry
 
 STATES = {"input": "drive", "refractory_time": "refractory", "adaptation": "recovery"}
 RULE_STATES = {"inv_gamma": "inverse", "theta": "theta"}
@@ -31,6 +31,7 @@ class Conversion(Protocol):
 
     flow: Flow
     simulator: Any
+    options: Any
 
     def zeros(self, name: str, size: int) -> str: ...
     def total(self, name: str, terms: Terms, size: int) -> str: ...
@@ -45,6 +46,8 @@ class Recording:
     late : how many ticks later a row is that of Nengo's probe.
     first, size, whole : which components of how many belong to what is probed.
     synapse : a filter of the graph's own probe. then : what the rows (steps, ...) go through.
+    every : steps between two rows. constant : whether a graph records it once.
+    differs : how a graph's own rows differ, in words.
     """
 
     probe: Any
@@ -55,6 +58,9 @@ class Recording:
     whole: int = 0
     synapse: Any = None
     then: Callable[[FloatArray], FloatArray] | None = None
+    every: int = 1
+    constant: bool = False
+    differs: str = ""
 
     @property
     def chosen(self) -> Any:
@@ -103,10 +109,29 @@ def recording(conversion: Conversion, probe: Any, name: str) -> Recording:
     if isinstance(target, nengo.Ensemble) and not is_direct(target) and attribute != "input":
         return _decoded(conversion, probe, name)
     flow = conversion.flow
-    terms = flow.into(target)
+    terms = flow.reaching(target)
     if isinstance(target, nengo.Node) and target.output is not None:
         terms = [(flow.node_output(target), np.eye(target.size_out))]
     return _of_terms(conversion, probe, terms, name)
+
+
+def sampled(probe: Any, options: Any) -> int:
+    """The steps between two rows of a graph's probe.
+
+    Raises
+    ------
+    UsageError : those of Nengo's are no whole number, and the graph is written for a user.
+    """
+    steps = float(probe.sample_every or options.dt) / float(options.dt)
+    every = max(1, round(steps))
+    if steps <= 1.0 or abs(steps - every) < 1e-6:
+        return every
+    if options.live:
+        return 1  # the simulator chooses of all rows
+    raise UsageError(
+        f"{probe}: its sample_every={probe.sample_every!r} is not read; expected whole steps "
+        f"of {options.dt:g} s, got {steps:g}"
+    )
 
 
 def _of_connection(conversion: Conversion, probe: Any, name: str) -> Recording:
@@ -135,9 +160,11 @@ def _of_neurons(conversion: Conversion, probe: Any) -> Recording:
     fired = probe.attr in ("output", "spikes")
     is_filtered = probe.synapse is not None
     # Nengo's filter takes the spikes of a step in the next one, and so does one of `spikes` here.
-    state = ("spikes" if is_filtered else "fired") if fired else STATES.get(probe.attr, probe.attr)
-    synapse = synapse_entry(probe.synapse) if is_filtered else None
-    late = 0 if fired or is_filtered else 1
+    # An event is recorded in each step or not at all; the output has it a step later.
+    is_output = is_filtered or sampled(probe, conversion.options) > 1
+    state = ("spikes" if is_output else "fired") if fired else STATES.get(probe.attr, probe.attr)
+    synapse = synapse_entry(probe.synapse, conversion.simulator.dt) if is_filtered else None
+    late = 0 if is_filtered or (fired and not is_output) else 1
     address = f"{population.name}.{state}"
     return Recording(probe, address, late, index * n, n, n * population.groups, synapse)
 
@@ -146,23 +173,35 @@ def _of_encoders(conversion: Conversion, probe: Any, ensemble: Any) -> Recording
     population, index = conversion.flow.of[ensemble]
     members = slice(index * ensemble.n_neurons, (index + 1) * ensemble.n_neurons)
     address = f"{population.name}.scaled_encoders"
-    return Recording(probe, address, 1, then=lambda v: np.swapaxes(v, 1, 2)[:, members])
+    return Recording(
+        probe,
+        address,
+        then=lambda v: np.swapaxes(v, 1, 2)[:, members],
+        differs="with a column, in place of a row, for each neuron",
+    )
 
 
 def _of_weights(conversion: Conversion, probe: Any, name: str) -> Recording:
     connection = probe.obj
     fixed = conversion.simulator.data[connection].weights
-    if isinstance(rule_of(connection), (nengo.Voja, type(None))):
+    if rule_of(connection) is None:
         # No rule changes them, and often no block has them alone.
         fixed = np.asarray(fixed.toarray() if hasattr(fixed, "toarray") else fixed, dtype=float)
         address = conversion.zeros(name, 1)
-        return Recording(probe, address, then=lambda v: np.repeat(fixed[None], len(v), axis=0))
+        return Recording(
+            probe,
+            address,
+            then=lambda v: np.repeat(fixed[None], len(v), axis=0),
+            constant=True,
+            differs="as one 0: nothing changes these weights, which are in the arrays",
+        )
     address = f"{conversion.learner(connection)}.weights"
     source = conversion.flow.through(connection)[0][0]
     late = int(not (isinstance(source, Decoded) and source.is_prompt))
     if is_full(connection) and not holds_gains(connection):
         gain = conversion.simulator.data[connection.post_obj].gain[:, None]
-        return Recording(probe, address, late, then=lambda v: v * gain)
+        without = "without the gains, by which the Ensemble behind multiplies the currents"
+        return Recording(probe, address, late, then=lambda v: v * gain, differs=without)
     return Recording(probe, address, late, then=lambda v: v)
 
 
@@ -184,18 +223,21 @@ def _of_rule(conversion: Conversion, probe: Any, name: str) -> Recording:
 def _filtered(conversion: Conversion, probe: Any, is_post: bool) -> Recording:
     """The spikes that a rule sees, those of the step included."""
     connection = probe.obj.connection
-    rule = rule_of(connection)
+    rule = probe.obj.learning_rule_type
+    seen = rule.post_synapse if is_post or isinstance(rule, nengo.Voja) else rule.pre_synapse
+    if seen is None and isinstance(rule, (nengo.BCM, nengo.Oja)):
+        seen = rule.pre_synapse  # Nengo's default behind the weights
     end = connection.post_obj if is_post else connection.pre_obj
     part = connection.post_slice if is_post else connection.pre_slice
     ensemble = getattr(end, "ensemble", end)
     population, index = conversion.flow.of[ensemble]
     chosen = np.arange(ensemble.n_neurons)[part if end is not ensemble else slice(None)]
-    synapse = rule_entry(rule)["tau"]
+    synapse = synapse_entry(seen, conversion.simulator.dt)
     first = index * ensemble.n_neurons
     return Recording(
         probe,
         f"{population.name}.fired",
-        synapse=synapse or None,
+        synapse=None if synapse == "none" else synapse,
         then=lambda v: v[:, first + chosen],
     )
 

@@ -62,21 +62,22 @@ class Simulator:
             given = network.seed
             seed = secrets.randbelow(2**31 - 1) if given is None else given + 1
         self.seed = seed
-        self._begin()
+        self._begin(None)
 
-    def _begin(self) -> None:
+    def _begin(self, built: Any) -> None:
         self._forget()
         # Its files are read again when a run goes on past `until`.
         self._folder = tempfile.TemporaryDirectory()
         path = Path(self._folder.name) / "network.yaml"
-        done = import_network(self.network, path, dt=self.dt, seed=self.seed, live=True)
+        how: dict[str, Any] = {"dt": self.dt, "seed": self.seed, "live": True}
+        done = import_network(self.network, path, built=built, **how)
         self._session = load(path).session(engine=self.engine)
         self._calls = done.converted.calls
         self._recordings = {
             each.probe: (name, each) for name, each in done.converted.recordings.items()
         }
-        self.model = done.converted.simulator.model
-        self._built = done.converted.simulator.data
+        self._simulator = done.converted.simulator
+        self.model, self._built = self._simulator.model, self._simulator.data
         self.closed, self._cleared = False, 0
         self.data: Mapping[Any, Any] = _Data(self)
 
@@ -122,10 +123,10 @@ class Simulator:
         self.run_steps(1)
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin again at 0; with another seed, with other neurons where the network has none."""
+        """Begin again at 0, with the same neurons; with a seed, with other noise and processes."""
         self._check_open("reset")
         self.seed = self.seed if seed is None else seed
-        self._begin()
+        self._begin(self._simulator)
 
     def clear_probes(self) -> None:
         """Forget what was recorded so far."""
@@ -162,13 +163,17 @@ class Simulator:
         """What a probe recorded, (rows, size)."""
         name, recording = self._recordings[probe]
         values = np.asarray(self._session.result()[name])
-        if len(values) == 1 < self.n_steps:  # a constant is recorded once
+        if len(values) == 1 < self.n_steps and recording.every == 1:  # a constant
             values = np.repeat(values, self.n_steps, axis=0)
         if recording.late and self.n_steps:
             # A state is recorded before its step, and Nengo's row is from after it.
-            last = np.asarray(self._session.read(recording.address))
-            values = np.concatenate([values[1:], last.reshape(1, *values.shape[1:])])
+            values = values if recording.every > 1 else values[1:]
+            if self.n_steps % recording.every == 0:
+                last = np.asarray(self._session.read(recording.address))
+                values = np.concatenate([values, last.reshape(1, *values.shape[1:])])
         rows = recording.rows(values)
+        if recording.every > 1:
+            return rows[self._cleared // recording.every :]
         return np.asarray(rows[self._sampled(probe.sample_every, self._cleared)])
 
     def _sampled(self, every: float | None, first: int) -> Any:

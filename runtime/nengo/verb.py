@@ -36,7 +36,9 @@ def add(parser: ArgumentParser) -> None:
         "--seed", type=integer(0, 2**31 - 1), metavar="N", help="seed of the simulator"
     )
     parser.add_argument(
-        "--compare", action="store_true", help="run both, and compare spikes and probes"
+        "--compare",
+        action="store_true",
+        help="run both, compare spikes and probes; exit code 1 if they differ",
     )
     add_no_modules(parser)
     add_json(parser)
@@ -51,7 +53,7 @@ def run(options: Namespace) -> int:
         import nengo  # noqa: F401
     except ImportError:
         raise MissingExtraError("importing a model of Nengo", "nengo") from None
-    from runtime.nengo.importing import import_file
+    from runtime.nengo.importing import import_file, is_equal
 
     source = Path(options.model.partition(":")[0] if ":" in options.model else options.model)
     path = Path(options.out) if options.out else Path(source.stem + SUFFIX)
@@ -74,4 +76,4 @@ def run(options: Namespace) -> int:
         show(done.summary())
         for name, line in (compared or {}).items():
             show(f"  {name}: {line}")
-    return 0
+    return 0 if all(map(is_equal, (compared or {}).values())) else 1

@@ -1,7 +1,8 @@
 """When a probe has a row: ``every`` as it is written.
 
 In: a number of base ticks, or ``{period: 500, offset: 499, mean: true}``. Out: the ticks between
-two rows, 0 for the signal's own rate; the tick of the first row, None for the first of the signal; whether a row is a mean::
+two rows, 0 for the signal's own rate; the tick of the first row, None for that of the signal;
+whether a row is a mean::
 
     sampling(node, "probes.x.every", problems)      # (500, 499, True)
 """

@@ -15,7 +15,7 @@ from tests.conftest import Run
 nengo = pytest.importorskip("nengo")
 
 from runtime.nengo.expressions import expression_of  # noqa: E402
-from runtime.nengo.importing import Imported, import_file, run_both  # noqa: E402
+from runtime.nengo.importing import Imported, import_file, is_equal, run_both  # noqa: E402
 
 PES = """
 import nengo, numpy as np
@@ -234,3 +234,50 @@ def test_without_nengo_the_message_is_the_pip_line(
     verb.add(parser)
     with pytest.raises(MissingExtraError, match=r"pip install .*\[nengo\]"):
         verb.run(parser.parse_args(["nengo", "model.py"]))
+
+
+HEAD = """
+import nengo, numpy as np
+with nengo.Network(seed=1) as model:
+    u = nengo.Node(lambda t: [np.sin(9 * t), np.cos(9 * t)])
+    a, b = nengo.Ensemble(30, 2), nengo.Ensemble(25, 2)
+    nengo.Connection(u, a)
+    w = np.random.RandomState(0).normal(0, 1e-3, (25, 30))
+"""
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "nengo.Connection(a.neurons, b.neurons, transform=w, learning_rule_type=[nengo.Oja(1e-6, "
+        "post_synapse=0.05), nengo.BCM(1e-9, post_synapse=0.05)])",
+        "k = nengo.Connection(a, b, learning_rule_type={'a': nengo.PES(1e-3), "
+        "'b': nengo.PES(3e-4), "
+        "'v': nengo.Voja(1e-2)})\n"
+        "    nengo.Connection(b, k.learning_rule['a']); nengo.Connection(u, k.learning_rule['b'])\n"
+        "    p = nengo.Probe(k, 'weights', sample_every=0.01)\n"
+        "    q = nengo.Probe(k.learning_rule['v'], 'scaled_encoders')",
+        "nengo.Connection(a, b[0], function=lambda x: x[0], learning_rule_type=nengo.Voja(1e-2))\n"
+        "    nengo.Connection(u, b, learning_rule_type=nengo.Voja(5e-2, post_synapse=None))",
+        "k = nengo.Connection(a, b, solver=nengo.solvers.LstsqL2(weights=True), "
+        "learning_rule_type=nengo.Oja(1e-6, post_synapse=nengo.Alpha(0.01)))\n"
+        "    p = nengo.Probe(k, 'weights')",
+        "k = nengo.Connection(a, b, solver=nengo.solvers.LstsqL2(weights=True), "
+        "learning_rule_type=nengo.PES(1e-3, pre_synapse=nengo.Alpha(0.01)))\n"
+        "    nengo.Connection(u, k.learning_rule); p = nengo.Probe(k, 'weights')",
+    ],
+    ids=["oja bcm", "pes pes voja", "two voja", "full oja", "full pes"],
+)
+def test_several_rules_and_their_probes_are_nengos(tmp_path: Path, line: str) -> None:
+    told = imported(tmp_path, f"{HEAD}    {line}\n").compare(0.1)
+    assert all(map(is_equal, told.values())), told
+
+
+def test_a_difference_is_an_exit_code(tmp_path: Path, cli: Run) -> None:
+    text = "import nengo\nwith nengo.Network(seed=1) as m:\n  a = nengo.Ensemble(30, 1, "
+    text += "neuron_type=nengo.PoissonSpiking(nengo.LIFRate()))\n"
+    (tmp_path / "model.py").write_text(text, encoding="utf-8")
+    done = cli("import", "nengo", f"{tmp_path}/model.py", "-o", f"{tmp_path}/my.yaml",
+               "--until", "0.05", "--compare")  # fmt: skip
+    assert done.returncode == 1
+    assert "spikes of a: differs:" in done.stdout

@@ -244,3 +244,52 @@ def test_a_chain_without_synapses_is_one_step_as_in_nengo(kind: Any) -> None:
         for each in (array.output, node, last.neurons, last):
             nengo.Probe(each)
     equal(network)
+
+
+def test_loops_of_passthrough_nodes_and_direct_ensembles_are_nengos() -> None:
+    with nengo.Network(seed=1) as network:
+        u = nengo.Node(lambda t: [np.sin(40 * t), 0.4])
+        p, q = nengo.Node(size_in=2), nengo.Node(size_in=2)
+        direct = nengo.Ensemble(30, 2, neuron_type=nengo.Direct())
+        silent = nengo.Node(size_in=1)
+        nengo.Connection(u, p, synapse=0.01)
+        nengo.Connection(p, q, synapse=None, transform=[[0, 1], [-1, 0]])
+        nengo.Connection(q, p, synapse=nengo.Alpha(0.02), transform=0.5)
+        nengo.Connection(u, direct, synapse=None)
+        nengo.Connection(direct, direct, function=lambda x: [0.3 * x[1], x[0] ** 2], synapse=0.05)
+        nengo.Connection(silent, silent, synapse=0.1)
+        for each in (p, q, direct, silent):
+            nengo.Probe(each)
+            nengo.Probe(each, synapse=0.01)
+    equal(network)
+
+
+@pytest.mark.parametrize("seed", [None, 4])
+def test_probes_resets_and_cleared_rows_are_nengos(seed: int | None) -> None:
+    with nengo.Network(seed=seed) as network:
+        noise = nengo.Node(nengo.processes.WhiteSignal(1.0, 20), size_out=1)
+        a, b = nengo.Ensemble(20, 1), nengo.Ensemble(20, 1)
+        nengo.Connection(noise, a)
+        learnt = nengo.Connection(a, b, learning_rule_type=nengo.PES())
+        nengo.Connection(b, learnt.learning_rule)
+        probes = [nengo.Probe(noise), nengo.Probe(a, sample_every=0.0025, synapse=0.01)]
+        probes += [nengo.Probe(learnt, "weights", sample_every=0.01)]
+        probes += [
+            nengo.Probe(a.neurons, each, sample_every=0.005) for each in ("output", "voltage")
+        ]
+    with Simulator(network, seed=3, engine="python") as ours:
+        # Without a seed, each simulator of Nengo draws its own neurons: this one keeps ours.
+        gain = ours.data[a].gain.copy()
+        with nengo.Simulator(network, seed=3, progress_bar=False) as theirs:
+            for turn in ("run", "more", "clear", "reset"):
+                if turn == "clear":
+                    ours.clear_probes()
+                    theirs.clear_probes()
+                if turn == "reset":
+                    ours.reset(seed=8)
+                    theirs.reset(seed=8)
+                ours.run(0.033)
+                theirs.run(0.033, progress_bar=False)
+                for probe in probes if seed else probes[:1]:
+                    np.testing.assert_allclose(ours.data[probe], theirs.data[probe], atol=1e-10)
+        np.testing.assert_array_equal(ours.data[a].gain, gain)
