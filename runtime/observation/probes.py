@@ -103,7 +103,8 @@ class Probe:
     @property
     def is_filtered(self) -> bool:
         """Whether rows are made of the values of all ticks."""
-        return not self.constant and (self.synapse is not None or self.mean)
+        late = self.first >= self.every > 0  # rows at the same phase come before the first one
+        return not self.constant and (self.synapse is not None or self.mean or late)
 
     @cached_property
     def inputs(self) -> tuple[int, int]:
