@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from runtime.runs import versions
-from tests.studies import causes, kept, physics, rooms, variations, walls
+from tests.studies import causes, kept, physics, rooms, sensitivity, variations, walls
 from tests.studies.cases import FRESH
 from tests.studies.claims import Claim, beyond, case_a, case_b
 from tests.studies.following import ENGINE
@@ -120,6 +120,13 @@ def gains(seeds: int) -> str:
     return f"{BEYOND}\n{table(header, beyond(seeds))}"
 
 
+def against_gains(_: int) -> str:
+    """The claims of cases A and B over the LQR's gains."""
+    header = ("q", *(claim for claims in sensitivity.CLAIMS.values() for claim in claims))
+    text = sensitivity.TEXT.format(networks=sensitivity.NETWORKS)
+    return f"{text}\n{table(header, sensitivity.gain_rows())}{sensitivity.searched()}"
+
+
 def following(seeds: int) -> str:
     """Case C in the paper's room."""
     followed = walls.Walls(fresh(seeds))
@@ -146,6 +153,7 @@ def _with_aims(text: str, found: str, aims: list[Claim]) -> str:
 
 SECTIONS: dict[str, Callable[[int], str]] = {
     "claims": claims,
+    "against_gains": against_gains,
     "gains": gains,
     "following": following,
     "rooms": other_rooms,

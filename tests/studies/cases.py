@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -51,7 +52,12 @@ def case(name: str, variant: str, seeds: int) -> Runs:
         .set("run.engine", ENGINE)
         .probe("lateral", f"{source}.lateral", every=10)
     )
-    results = [graph.run(seed=seed) for seed in range(FRESH, FRESH + seeds)]
+    return measured(graph, range(FRESH, FRESH + seeds))
+
+
+def measured(graph: runtime.Graph, seeds: Iterable[int]) -> Runs:
+    """A graph's runs with some seeds."""
+    results = [graph.run(seed=seed) for seed in seeds]
     metrics = {
         key: np.array([np.nan if r.metrics[key] is None else r.metrics[key] for r in results])
         for key in results[0].metrics
