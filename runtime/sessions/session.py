@@ -22,24 +22,10 @@ import numpy as np
 
 from blocks.core import ParameterError
 from runtime.document import dump_yaml, read_graph
-from runtime.engine import (
-    BetweenTicks,
-    Engine,
-    adopt,
-    adopt_changed,
-    carried,
-    is_within,
-)
+from runtime.engine import BetweenTicks, Engine, adopt, adopt_changed, carried, is_within
 from runtime.errors import NotCopiedError, SimulationError, UsageError
 from runtime.files import Content, refuse_link, remove_tree, system_errors, write_files
-from runtime.runs import (
-    Pacing,
-    Result,
-    chosen_runner,
-    contents,
-    portable,
-    result_of,
-)
+from runtime.runs import Pacing, Result, chosen_runner, contents, portable, result_of
 from runtime.sessions.calls import alone, is_numeric, plain
 from runtime.sessions.kept import ChangeableGraph, SessionSnapshot
 from runtime.sessions.log import Change, Log

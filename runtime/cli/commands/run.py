@@ -141,7 +141,6 @@ def _shown(
     done = True
     try:
         if draws:
-            _import_matplotlib()
             pictures = _pictures(result, folder, options, others, before)
             pictures += [_diagram(graph, folder)] if options.watch else []
     except KeyboardInterrupt:
@@ -245,6 +244,7 @@ def _pictures(
     wanted = not (options.quiet or options.json)
     drawn = painter(result, others, folder, options, before)
     if not options.no_plots:
+        _import_matplotlib()
         from runtime.plots import save_plots
 
         drawing = Progress("drawing", wanted=wanted)
