@@ -28,9 +28,8 @@ from runtime.memory import alike
 from runtime.observation import Probe
 from runtime.plan import Port
 
-# The entries of the solver's control that follow from the graph: tolerances, longest and shortest
-# step.
-TOLERANCES = slice(1, 5)
+# The entries of the solver's control that follow from the graph: tolerances and the longest step.
+TOLERANCES = slice(1, 4)
 
 
 @dataclass(frozen=True)

@@ -311,6 +311,8 @@ class PythonText:
         """Integrate to the next tick, or to the time in between at which the run stops."""
         self.between_ticks = True  # the form of outputs was checked at the tick
         method = method_of(part.solver, part.colours)
+        if method.errors:
+            self.code(f"control[8] = k * {self.dt}")
         if part.ends_steps:
             self.located(part, method)
         elif method.errors:

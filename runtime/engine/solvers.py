@@ -128,9 +128,11 @@ def method_of(name: str, colours: int = 0) -> Method:
 
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
 # tolerances, the largest and the smallest step, whether the last step was rejected, the steps
-# since the last tick, and how far the first step is estimated (see ``estimated``).
-STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT, BEGUN = range(8)
-CONTROLS = 8
+# since the last tick, how far the first step is estimated (see ``estimated``), the tick's time.
+STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT, BEGUN, NOW = range(9)
+CONTROLS = 9
+# The smallest step as a share of the time itself, which rounds; and where the time is zero.
+ROUNDING, LEAST = 16.0 * 2.220446049250313e-16, 1e-290
 MAX_SUBSTEPS = 100_000
 # The error of a step whose end, or whose estimated error, is not finite, in tolerances.
 INFINITE = 1e300
@@ -138,13 +140,9 @@ INFINITE = 1e300
 TRIAL = 1e-8
 
 
-def controls(rtol: float, atol: float, max_step: float, until: float) -> FloatArray:
-    """The entries of ``control`` before the first tick.
-
-    Steps below the rounding of the time itself are too small.
-    """
-    smallest = 16.0 * np.finfo(np.float64).eps * until
-    return np.array([TRIAL * max_step, rtol, atol, max_step, smallest, 0.0, 0.0, 0.0])
+def controls(rtol: float, atol: float, max_step: float) -> FloatArray:
+    """The entries of ``control`` before the first tick."""
+    return np.array([TRIAL * max_step, rtol, atol, max_step, LEAST, 0.0, 0.0, 0.0, 0.0])
 
 
 def blend(
@@ -206,8 +204,12 @@ def substep(control: FloatArray, done: float, dt: float) -> float:
     """The next step (s) of a solver that has done this part of a tick, so that it lands on dt."""
     if done == 0.0 and control[REJECTED] == 0.0:
         control[COUNT] = 0.0
-    left = dt - done
-    return left / (int(left / min(control[STEP], control[LARGEST]) - 1e-9) + 1)
+    # Steps below the rounding of the time itself are too small.
+    control[SMALLEST] = max(LEAST, ROUNDING * (control[NOW] + done))
+    left, step = dt - done, min(control[STEP], control[LARGEST])
+    if left > 1e15 * step:
+        return float(step)
+    return float(left / (int(left / step - 1e-9) + 1))
 
 
 def refused(states: FloatArray, start: FloatArray, control: FloatArray, h: float) -> float:

@@ -197,7 +197,7 @@ class Start:
         solver, dt = self.network.solver, self.network.dt
         control = self.state.arrays["run/control"]
         longest = min(dt, solver.max_step or dt)
-        control[:] = controls(solver.rtol, solver.atol, longest, self.network.until)
+        control[:] = controls(solver.rtol, solver.atol, longest)
         if part.ends_steps:
             directions = part.directions
             sides = self.state.arrays["run/sides"]

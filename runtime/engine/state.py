@@ -54,7 +54,7 @@ def run_shapes(plan: Plan) -> dict[str, tuple[int, ...]]:
     found: dict[str, tuple[int, ...]] = {}
     part = plan.integration
     if part is not None:
-        found["control"] = (len(controls(0.0, 0.0, 0.0, 0.0)),)
+        found["control"] = (len(controls(0.0, 0.0, 0.0)),)
     if part is not None and part.ends_steps:
         guards = len(part.directions)
         found |= {

@@ -298,6 +298,7 @@ class EngineText(SignalText):
         self.uses(*solver_unit(part, method))
         if method.errors:
             self.attempts(part, method)
+            self.put(f"({self.solvers('control')})[8] = (double)k * dt;")
         if part.ends_steps:
             with self.block(""):
                 self.located(part, method)
