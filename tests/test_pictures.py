@@ -15,7 +15,7 @@ from tests.test_docs import PAGES, ROOT
 
 # Written with their pages, by tests.studies.comparison and docs/learning_study.py.
 OF_STUDIES = {
-    *(path.name for path in (ROOT / "docs" / "images").glob("comparison_*.png")),
+    *(path.name for path in (ROOT / "docs" / "images").glob("comparison*.png")),
     "learning_weights.png",
     "learning_deployed.png",
 }
