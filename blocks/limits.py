@@ -8,11 +8,11 @@ from __future__ import annotations
 
 MIB, GIB = 2**20, 2**30
 
-GRAPH_FILE = 32 * MIB  # enough for a million values
-GRAPH_VALUES = 1_000_000
+GRAPH_FILE = 16 * MIB
+GRAPH_VALUES = 250_000  # each takes 300 bytes of memory, twice where a graph is checked
 GRAPH_DEPTH = 50
 GRAPH_LEVELS = 50  # files that extend or contain each other
-GRAPH_WORK = 3 * GRAPH_VALUES  # enough to read, merge and fill in the largest document once each
+GRAPH_WORK = 12 * GRAPH_VALUES  # enough to read, merge and fill in the largest document four times
 GRAPH_BLOCKS = 20_000
 GRAPH_ARRAYS = 2 * GIB  # as numbers of 8 bytes, which are held in memory
 PROBLEMS = 1_000

@@ -204,13 +204,18 @@ class _Reader:
                 root = self.node(next(events), events, NOWHERE, 0, "")
         return root
 
-    def node(self, event: Any, events: Iterator[Any], key: Where, depth: int, address: str) -> Node:
+    def node(
+        self, event: Any, events: Iterator[Any], key: Where | None, depth: int, address: str
+    ) -> Node:
         where = self.where(event)
+        # An item of a list has the place of its value: one object for both, since a list is long.
+        key = where if key is None else key
         if depth > MAX_DEPTH:
             raise self.stop(event, "", f"nested more than {MAX_DEPTH} deep")
         self.count += 1
         if self.count > MAX_NODES:
-            raise self.stop(event, address, f"more than {MAX_NODES} values in one file")
+            message = f"more than {MAX_NODES} values in one file; name arrays as my.npz#w"
+            raise self.stop(event, address, message)
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event, where, key, address)
         if event.anchor:
@@ -264,7 +269,7 @@ class _Reader:
         items: list[Node] = []
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
             inner = f"{address}[{len(items)}]"
-            items.append(self.node(event, events, self.where(event), depth + 1, inner))
+            items.append(self.node(event, events, None, depth + 1, inner))
         return items
 
     def mapping(self, events: Iterator[Any], depth: int, address: str) -> dict[str, Node]:

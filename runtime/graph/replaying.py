@@ -13,7 +13,6 @@ a kill at any moment leaves a checkpoint with its rows::
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ from blocks.core import hint
 from blocks.files import lines
 from blocks.limits import INDEX
 from runtime.errors import UsageError
-from runtime.files import check_form, read_json, remove_tree, system_errors
+from runtime.files import check_form, parse_json, read_json, remove_tree, system_errors
 from runtime.graph.graph import Graph
 from runtime.graph.loading import load
 from runtime.network import Network
@@ -74,18 +73,26 @@ def open_session(folder: str | Path, modules: bool = True) -> Session:
         raise UsageError(f"'{path}' is damaged: {error}") from None
     session, path = load(place / GRAPH, modules=modules).session(), place / CHANGES
     with system_errors(f"read '{path}'"):
-        for number, line in enumerate(lines(path, INDEX), 1):
-            try:
-                for tick, call, arguments in changes_of(json.loads(line)):
-                    if call not in CALLS:
-                        raise ValueError(f"a session has no method '{call}'{hint(call, CALLS)}")
-                    session.step(tick - session.tick)
-                    getattr(session, call)(*arguments)
-            except (TypeError, ValueError) as error:
-                raise UsageError(f"'{path}', line {number}: {error}") from None
+        try:
+            _repeat(session, path)
+        except ValueError as error:
+            raise UsageError(f"'{path}' is damaged: {error}") from None
     if len(session.log) != stored["changes"]:
         raise UsageError(f"'{path}' has not the {stored['changes']} changes that were saved")
     return session.step(stored["ticks"] - session.tick)
+
+
+def _repeat(session: Session, path: Path) -> None:
+    """Make the changes of a log again; ValueError if they cannot be read."""
+    for number, line in enumerate(lines(path, INDEX), 1):
+        try:
+            for tick, call, arguments in changes_of(parse_json(line)):
+                if call not in CALLS:
+                    raise ValueError(f"a session has no method '{call}'{hint(call, CALLS)}")
+                session.step(tick - session.tick)
+                getattr(session, call)(*arguments)
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"'{path}', line {number}: {error}") from None
 
 
 @dataclass(frozen=True)

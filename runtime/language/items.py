@@ -105,8 +105,7 @@ def deepest(root: YamlItem, offset: int) -> YamlItem:
     while True:
         # Items begin in the order of the file, so the one at an offset is the last that begins by
         # it.
-        begins = [child.begin for child in item.items]
-        i = bisect_right(begins, offset) - 1
+        i = bisect_right(item.items, offset, key=lambda child: child.begin) - 1
         if i < 0 or offset > max(item.items[i].end, item.items[i].key_end):
             return item
         item = item.items[i]

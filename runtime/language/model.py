@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from blocks.core import Block, Output, Same
+from blocks.limits import GRAPH_VALUES
 from runtime.document import (
     PART_SECTIONS,
     SECTIONS,
@@ -124,7 +125,9 @@ class Model:
     @cached_property
     def root(self) -> YamlItem:
         """The tree of what is written; empty if the file is too large to be read."""
-        return YamlItem() if self.refusal else _scan_once(self.text.source)
+        # Each entry begins with one of these, and takes 300 bytes.
+        is_large = sum(map(self.text.source.count, ",[{\n\"'")) > GRAPH_VALUES
+        return YamlItem() if self.refusal or is_large else _scan_once(self.text.source)
 
     @property
     def refusal(self) -> str:

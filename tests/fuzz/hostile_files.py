@@ -207,7 +207,7 @@ def bomb(path: Path) -> None:
         ".json": (b"[],", b"[", b"0]", 30),
         ".jsonl": (b"[],", b"[", b"0]", 30),
         ".csv": (b"0,0,0,0\n", b"time,a,b,c\n", b"", 60),
-        ".yaml": (b"[],", b"a: [", b"0]", 30),
+        ".yaml": (b"[],", b"a: [", b"0]", 15),
         ".py": (b"#\n", b"", b"", 2),
     }[path.suffix]
     path.write_bytes(begin + item * (size * MIB // len(item)) + end)

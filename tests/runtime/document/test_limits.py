@@ -185,7 +185,7 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
     large = tmp_path / "large.yaml"
     with large.open("wb") as file:
         file.truncate(100 * GRAPH_FILE)  # a sparse file
-    assert "is larger than 32 MiB" in refused(large)
+    assert "is larger than 16 MiB" in refused(large)
     write(tmp_path, {"top.yaml": "extends: large.yaml\n"})
     assert refused(tmp_path / "top.yaml").startswith(f"{tmp_path}/top.yaml:1:10: extends: ")
 

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
+from blocks.limits import LINE
 from runtime.graph import open_session
 from runtime.sessions import changes_of
 from runtime.sessions.log import TOGETHER, Change, Log
@@ -77,6 +78,8 @@ def test_a_session_that_is_written_to_at_each_tick_replays(tmp_path: Path) -> No
         ("".join(lines[:2]), "has not the 2148 changes"),
         ("".join(lines)[:-9], "line 3: "),
         ("[]\n", "line 1: "),
+        ("[" * 100_000, "line 1: it is nested too deep"),
+        (" " * (LINE + 1), "is damaged: line 1 has more than"),
     ):
         (folder / "log.jsonl").write_text(damaged)
         with pytest.raises(runtime.UsageError, match=message):
