@@ -128,12 +128,16 @@ def method_of(name: str, colours: int = 0) -> Method:
 
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
 # tolerances, the largest and the smallest step, whether the last step was rejected, the steps
-# since the last tick, how far the first step is estimated (see ``estimated``), the tick's time.
-STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT, BEGUN, NOW = range(9)
-CONTROLS = 9
+# since the last tick, how far the first step is estimated (see ``estimated``), the tick's time,
+# the steps since the last tick that hardly move (see ``crawled``).
+STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT, BEGUN, NOW, CRAWLED = range(10)
+CONTROLS = 10
 # The smallest step as a share of the time itself, which rounds; and where the time is zero.
 ROUNDING, LEAST = 16.0 * 2.220446049250313e-16, 1e-290
 MAX_SUBSTEPS = 100_000
+# Where a derivative is smooth, some steps crawl at a turning point; in a sliding mode all do. So
+# many in one tick move each state by less than 1e4 tolerances together.
+MAX_CRAWLED = 1000
 # The error of a step whose end, or whose estimated error, is not finite, in tolerances.
 INFINITE = 1e300
 # The first trial step, as a share of the largest: only its slopes are of interest.
@@ -142,7 +146,7 @@ TRIAL = 1e-8
 
 def controls(rtol: float, atol: float, max_step: float) -> FloatArray:
     """The entries of ``control`` before the first tick."""
-    return np.array([TRIAL * max_step, rtol, atol, max_step, LEAST, 0.0, 0.0, 0.0, 0.0])
+    return np.array([TRIAL * max_step, rtol, atol, max_step, LEAST, *[0.0] * 5])
 
 
 def blend(
@@ -204,6 +208,7 @@ def substep(control: FloatArray, done: float, dt: float) -> float:
     """The next step (s) of a solver that has done this part of a tick, so that it lands on dt."""
     if done == 0.0 and control[REJECTED] == 0.0:
         control[COUNT] = 0.0
+        control[CRAWLED] = 0.0
     # Steps below the rounding of the time itself are too small.
     control[SMALLEST] = max(LEAST, ROUNDING * (control[NOW] + done))
     left, step = dt - done, min(control[STEP], control[LARGEST])
@@ -222,7 +227,7 @@ def refused(states: FloatArray, start: FloatArray, control: FloatArray, h: float
     control[REJECTED] = 1.0
     control[COUNT] += 1.0
     control[STEP] = 0.2 * h
-    return -1.0 if control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS else 0.0
+    return -1.0 if has_failed(control) else 0.0
 
 
 def judged(
@@ -262,6 +267,7 @@ def judged(
             estimate = estimated(states, start, slopes, errors, control, h)
             following = max(estimate, control[SMALLEST])
         control[REJECTED] = 0.0
+        control[CRAWLED] += crawled(states, start, errors, control, worst)
         done += h
         if dt - done <= 1e-12 * dt:
             done = dt
@@ -270,9 +276,29 @@ def judged(
         for i in range(len(states)):
             states[i] = start[i]
     control[STEP] = following
-    if done < dt and (control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS):
-        return -1.0 - column
-    return done
+    return -1.0 - column if done < dt and has_failed(control) else done
+
+
+def has_failed(control: FloatArray) -> bool:
+    """Whether steps are too short, too many, or too many that hardly move."""
+    is_short = control[STEP] < control[SMALLEST]
+    return bool(is_short or control[COUNT] > MAX_SUBSTEPS or control[CRAWLED] > MAX_CRAWLED)
+
+
+def crawled(
+    states: FloatArray, start: FloatArray, errors: FloatArray, control: FloatArray, worst: float
+) -> float:
+    """1 for a step that its error keeps short, and that moves no state by ten such errors; or 0.
+
+    An implicit method has such errors where a derivative jumps; of explicit ones, 0.
+    """
+    if len(errors) > 1:
+        return 0.0
+    far = 0.0
+    for i in range(len(states)):
+        scale = control[ATOL] + control[RTOL] * max(abs(start[i]), abs(states[i]))
+        far = max(far, abs(states[i] - start[i]) / scale)
+    return 1.0 if worst > 0.01 and far < 10.0 * worst else 0.0
 
 
 def growth(worst: float) -> float:

@@ -29,7 +29,7 @@ from runtime.engine.events import (
     opened,
     proposed,
 )
-from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
+from runtime.engine.solvers import ATOL, COUNT, CRAWLED, MAX_CRAWLED, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network
 from runtime.plan import Call, Integrate
@@ -198,6 +198,15 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
     """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
     column = round(-1.0 - done)
     slot = part.row.at(column)
+    if control[CRAWLED] > MAX_CRAWLED:
+        raise NotFiniteError(
+            f"{solver} crawls at t = {t:g} {part.time_unit}: {control[CRAWLED]:.0f} of "
+            f"{control[COUNT]:.0f} steps since the tick, the last of {control[STEP]:.3g} "
+            f"{part.time_unit}, move no state by much more than their errors; the derivative of "
+            f"state '{slot.component(column)}' jumps to and fro (a sliding mode): use dopri5 or a "
+            "fixed step, or smooth the jump, as tanh(x/0.001) does for sign(x)",
+            slot.block,
+        )
     tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
     raise NotFiniteError(
         f"{solver} cannot integrate state '{slot.component(column)}' with {tolerance}: "

@@ -43,9 +43,11 @@ from runtime.engine.rosenbrock import (
 from runtime.engine.solvers import (
     CONTROLS,
     Method,
+    crawled,
     estimated,
     first_bad,
     growth,
+    has_failed,
     judged,
     keep,
     moved,
@@ -89,7 +91,7 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
         again: list[tuple[str, Type]] = [*rows, ("control", control), ("h", FLOAT)]
         entries.append(Entry("solver_refused", "refused", again, [FLOAT]))
-        functions += [substep, growth, estimated, judged, refused]
+        functions += [substep, growth, estimated, crawled, has_failed, judged, refused]
     if part.ends_steps:
         entries += located(len(part.directions))
         functions += [next_end, opened, proposed, beyond, nearness, met, accept]

@@ -73,3 +73,22 @@ def test_the_smallest_step_fails_and_names_the_state(engine: str) -> None:
         system(["-sqrt(a)"], [1.0], engine=engine, until=3.0).run()
     assert found.value.time == pytest.approx(2.0, abs=1e-3)
     assert math.isfinite(found.value.time)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sliding_mode_ends_the_implicit_solver_with_an_error(engine: str) -> None:
+    def slides(solver: str, rates: list[str], rtol: float) -> Graph:
+        run = {"dt": 0.001, "until": 0.005, "solver": solver, "rtol": rtol}
+        return system(rates, [0.015, 0.01], **run)
+
+    jumping = ["-2 if a > b else 2", "-3 if b > a else 1.5"]
+    message = r"at tick 1 .*rodas4 crawls at t = 0.001\d* s: 1001 of .* \(a sliding mode\): use dop"
+    with pytest.raises(SimulationError, match=message):
+        slides("rodas4", jumping, 1e-6).run(engine=engine)
+    # Sliding, a' = b': -2 p + 2 (1 - p) = 1.5 p - 3 (1 - p), so that p = 10 / 17 of the time a > b.
+    along, meeting = 2.0 - 4.0 * 10.0 / 17.0, 0.005 / 3.5
+    expected = 0.015 - 2.0 * meeting + along * (0.004 - meeting)
+    smooth = [each.format("tanh((a - b)/1e-4)") for each in ("-2*{}", "-0.75 + 2.25*{}")]
+    for solver, rates in (("dopri5", jumping), ("rodas4", smooth)):
+        x = np.asarray(slides(solver, rates, 1e-4).run(engine=engine)["x"])
+        np.testing.assert_allclose(x[4], [expected, expected], atol=1e-4)
