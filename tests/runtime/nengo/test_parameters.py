@@ -276,7 +276,7 @@ def _within(made: Any, u: Any) -> None:
     nengo.Probe(a.neurons)
 
 
-def values_of(kind: type, name: str) -> list[Any]:
+def values_of(kind: Any, name: str) -> list[Any]:
     if name == "initial_state":
         known = [state for state in kind.state if state in STATES]
         return [{state: STATES[state]} for state in known] or [{}]
@@ -352,7 +352,7 @@ def test_numbers_of_distributions_and_synapses_have_all_digits(tmp_path: Path) -
 
 
 def test_a_class_of_ones_own_is_refused(tmp_path: Path) -> None:
-    class Lowpass(nengo.Lowpass):
+    class Lowpass(nengo.Lowpass):  # type: ignore[name-defined, misc]
         """Computes otherwise, for all that is known."""
 
     with nengo.Network() as made:
