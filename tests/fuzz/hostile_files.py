@@ -180,7 +180,8 @@ def inflict(path: Path, kind: str) -> None:
         before = Path.cwd()
         os.chdir(path.parent)  # a socket's name is short
         try:
-            socket.socket(socket.AF_UNIX).bind(path.name)
+            with socket.socket(socket.AF_UNIX) as end:
+                end.bind(path.name)
         finally:
             os.chdir(before)
     elif kind == "folder":

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import strategies as st
 
 import runtime
-from runtime.document.node import parse_yaml
+from runtime.document.node import dump_yaml, parse_yaml
 from tests.fuzz import (
     command_lines,
     damaged_caches,
@@ -17,11 +18,13 @@ from tests.fuzz import (
     damaged_indexes,
     engines,
     graphs,
+    hostile_files,
     own_blocks,
     page,
     subclasses,
 )
 from tests.fuzz.campaign import Record, bounded, campaign
+from tests.fuzz.workspace import TINY, assert_answered
 
 Run = Callable[[int, int], Record]
 # A subject, and its numbers of examples in the quick tests and in the slow ones.
@@ -34,6 +37,7 @@ TRIED: list[tuple[Run, int, int]] = [
     (engines.run, 1, 2),
     (subclasses.run, 1, 2),
     (own_blocks.run, 10, 80),
+    (hostile_files.run, 3, 24),
 ]
 
 
@@ -50,6 +54,30 @@ def test_random_examples_hold(run: Run, examples: int) -> None:
     record = run(examples, 2)
     assert record.failures == (), "\n".join(record.failures)
     assert record.examples == examples
+
+
+MOST_DANGEROUS = [
+    ("w.npz", "zero", ("run", "weights.yaml", "--no-plots")),
+    ("a/probes.npz", "zero", ("report", "a")),
+    ("own.py", "fifo", ("check", "own.py")),
+    ("rows.npz", "sparse", ("validate", "npz.yaml")),
+]
+
+
+@pytest.mark.parametrize(("file", "kind", "command"), MOST_DANGEROUS)
+def test_a_file_that_does_not_end_is_refused(
+    tmp_path: Path, file: str, kind: str, command: tuple[str, ...]
+) -> None:
+    for name in ("weights", "npz"):
+        text = dump_yaml(hostile_files.GRAPHS[name])
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    if "/" in file:
+        runtime.load(TINY).run().save(tmp_path / "a")
+    hostile_files.inflict(tmp_path / file, kind)
+    answer, memory = hostile_files.measured(command, tmp_path)
+    assert_answered(answer, command)
+    assert answer.code == 2
+    assert memory < hostile_files.MOST
 
 
 def test_the_graph_that_is_mutated_is_sound() -> None:

@@ -166,3 +166,13 @@ def test_two_thousand_blocks(tmp_path: Path) -> None:
 def test_a_text_without_anything_has_a_problem() -> None:
     for text in ("", "\n", "# only a comment\n", "- a\n", "42", "\x00", "a: &x *x"):
         assert diagnose(Model(text, CASE_C, SURROUNDINGS)), text
+
+
+def test_of_a_text_with_too_many_entries_no_tree_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    from runtime.language import model as module
+
+    monkeypatch.setattr(module, "GRAPH_VALUES", 1000)
+    for text in ("a: [" + "[]," * 2000 + "0]\n", "".join(f"k{i}:\n" for i in range(2000))):
+        model = Model(text, Path("large.yaml"), SURROUNDINGS)
+        assert model.root.items == []
+        assert underlined(model, diagnose(model)[-1])
