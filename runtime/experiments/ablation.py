@@ -114,6 +114,9 @@ class AblationResult:
     def notes(self) -> list[str]:
         """What the table means, which trials failed, and which blocks are essential."""
         notes = legend(self.lines, self.test).splitlines()
+        undirected = [m for m in self.plan.metrics if self.plan.worst(m) is None]
+        if self.plan.with_worst and undirected:
+            notes.append(f"no worst value, since neither less nor more is: {', '.join(undirected)}")
         for name, rows in self.rows.items():
             failed = [row for row in rows if row.status != "ok"]
             if failed:

@@ -22,6 +22,7 @@ from runtime.document import parse_yaml
 from runtime.experiments.ablation import AblationResult
 from runtime.experiments.analysis import (
     ANY,
+    MEAN,
     NEVER,
     SAME,
     SAME_RUNS,
@@ -262,20 +263,25 @@ class AblationTable(_Table):
             html=_html(result.head, comparison_rows(lines, plan.units, plan.never), result.notes()),
         )
 
-    def line(self, variant: str, metric: str) -> ComparisonLine:
+    def line(self, variant: str, metric: str, statistic: str = MEAN) -> ComparisonLine:
         """The comparison of one metric of one variant.
+
+        Parameters
+        ----------
+        statistic : ``mean``, or of a file with ``quantile`` or ``worst`` such as ``0.9-quantile``.
 
         Raises
         ------
-        KeyError : there is no such variant or metric.
+        KeyError : there is no such variant, metric or statistic.
         """
         for each in self.lines:
-            if (each.variant, each.metric) == (variant, metric):
+            if (each.variant, each.metric, each.statistic) == (variant, metric, statistic):
                 return each
         metrics = ", ".join(dict.fromkeys(each.metric for each in self.lines))
         variants = ", ".join(self.variants)
         raise KeyError(
-            f"no line for '{variant}' and '{metric}'; variants: {variants}; metrics: {metrics}"
+            f"no line for '{variant}' and '{metric}' ({statistic}); "
+            f"variants: {variants}; metrics: {metrics}"
         )
 
     def plot(self) -> Figures:

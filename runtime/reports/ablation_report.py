@@ -27,7 +27,7 @@ from runtime.experiments.execution import (
 )
 from runtime.files import MAYBE_NUMBER, check_form
 from runtime.reports import pieces
-from runtime.reports.findings import of_ablation
+from runtime.reports.findings import of_ablation, place_of
 from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
 from runtime.terminal import with_unit
 
@@ -134,7 +134,7 @@ def differences(results: Mapping[str, Any], name: str = "variant") -> Html:
     groups: dict[str, list[list[str]]] = {}
     for line in results["table"]:
         title = with_unit(line["metric"], results.get("units") or {})
-        title = ", ".join(filter(None, (title, line.get("setting"))))
+        title = ", ".join(filter(None, (title, place_of(line))))
         never = (results.get("never") or {}).get(line["metric"], NEVER)
         groups.setdefault(title, []).append(_line(line, never))
     return grouped_table(head, groups, range(1, 7), label="differences")

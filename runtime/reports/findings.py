@@ -14,6 +14,7 @@ from typing import Any
 from runtime.experiments.analysis import (
     EQUAL,
     LEVEL,
+    MEAN,
     NEGLIGIBLE,
     NEVER,
     SAME,
@@ -55,7 +56,7 @@ def of_run(result: RunData) -> str:
 
 def of_ablation(results: Mapping[str, Any]) -> str:
     """The differences from the baseline that are significant, those of the first metric first."""
-    lines = [line for line in results["table"] if not line.get("setting")]
+    lines = [line for line in results["table"] if not place_of(line)]
     own = {line["metric"]: line for line in lines if line["variant"] == BASELINE}
     compared = [line for line in lines if line["difference"] is not None and _is_whole(line)]
     found = [line for line in compared if _is_significant(line) and line["metric"] in own]
@@ -93,7 +94,13 @@ def _nothing_found(
 
 def _is_whole(line: Mapping[str, Any]) -> bool:
     """Whether a line compares a variant with the baseline over all settings."""
-    return line.get("reference") in (None, BASELINE) and not line.get("setting")
+    return line.get("reference") in (None, BASELINE) and not place_of(line)
+
+
+def place_of(line: Mapping[str, Any]) -> str:
+    """What a line is of besides its metric: a setting, or the statistic of a tail."""
+    statistic = str(line.get("statistic", MEAN))  # none in folders of earlier versions
+    return str(line.get("setting", "")) if statistic == MEAN else statistic
 
 
 def _is_significant(line: Mapping[str, Any]) -> bool:

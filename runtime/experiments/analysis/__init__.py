@@ -1,6 +1,7 @@
 """Statistics of experiments: estimates, significance, tables, and data for figures."""
 
 from runtime.experiments.analysis.comparison import (
+    MEAN,
     PER,
     ComparisonLine,
     Questions,

@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
+from runtime.experiments.analysis.comparison import MEAN
 from runtime.experiments.analysis.figures import MARK, NARROW, WIDTH
 from runtime.experiments.analysis.groups import sample_of
 from runtime.experiments.analysis.statistics import is_significant
@@ -134,6 +135,7 @@ def overall(facts: dict[str, Any]) -> list[dict[str, Any]]:
         line
         for line in facts["table"]
         if line.get("setting", "") == ""
+        and line.get("statistic", MEAN) == MEAN
         and line.get("reference") in references
         and line["metric"] in facts["metrics"]
     ]

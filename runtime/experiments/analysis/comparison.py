@@ -33,6 +33,7 @@ from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, THESE, T
 from runtime.experiments.design import BASELINE
 
 PER = " per "  # in the name of a trend: error per wind.speed
+MEAN, WORST = "mean", "worst"  # statistics, as is "0.9-quantile"
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,8 @@ class ComparisonLine:
     is_unranked : runs of a side failed, and the metric has no direction in which that is worse.
     is_primary : the metric is tested, and not only described.
     is_removed : the variant does not record what the metric measures.
+    statistic : of the values of each seed; of a tail ``worst``, or such as ``0.9-quantile``.
+    is_single : the statistic is one number of all observations: no interval, and nothing is tested.
     """
 
     variant: str
@@ -66,6 +69,13 @@ class ComparisonLine:
     is_primary: bool = True
     is_removed: bool = False
     is_unranked: bool = False
+    statistic: str = MEAN
+    is_single: bool = False
+
+    @property
+    def place(self) -> str:
+        """What the line is of besides its metric: a setting, or the statistic of a tail."""
+        return self.setting if self.statistic == MEAN else self.statistic
 
     @property
     def title(self) -> str:
@@ -91,7 +101,7 @@ class ComparisonLine:
         if self.is_removed:
             return "removed"
         difference = self.difference
-        if difference is None:
+        if difference is None or self.is_single:
             return ""
         if self.has_significant_presence:
             return "yes, in seeds"
@@ -128,6 +138,7 @@ class ComparisonLine:
             "reference": self.reference,
             "metric": self.metric,
             "setting": self.setting,
+            "statistic": self.statistic,
             "primary": self.is_primary,
             "runs": self.runs,
             "recorded": not self.is_removed,
@@ -160,6 +171,7 @@ class Sample:
     is_unranked : their values are None, since the metric has no direction that is worse.
     is_same : the seed changes nothing, so that all runs are one.
     is_removed : the variant does not record what the metric measures.
+    statistic, is_single : as in :class:`ComparisonLine`.
     """
 
     values: tuple[float | None, ...]
@@ -167,6 +179,8 @@ class Sample:
     is_same: bool = False
     is_removed: bool = False
     is_unranked: bool = False
+    statistic: str = MEAN
+    is_single: bool = False
 
     def estimate(self, ends: Ends = ANY) -> Estimate:
         """The mean with its interval, as every table and figure shows it."""
@@ -213,22 +227,22 @@ def compare(
 
     Parameters
     ----------
-    samples : for each metric and setting of the factors ('' for all), those of each variant, in
-        the same order of seeds.
+    samples : for each metric and setting of the factors ('' for all) or statistic, those of each
+        variant, in the same order of seeds.
 
     Both kinds of p value, of differences and of missing values, are corrected together: without
     it, a table of many comparisons would show some that are significant by chance. What is equal
     in every seed, or has too few pairs for any result, was not tested, and does not count.
     """
     lines = []
-    for (metric, setting), variants in samples.items():
-        if not questions.is_primary(metric) and (setting or PER in metric):
+    for (metric, place), variants in samples.items():
+        if not questions.is_primary(metric) and (place or PER in metric):
             continue  # what is only described is described over all settings
         for variant in variants:
             reference = None if variant == baseline else baseline
-            lines.append(_line(metric, setting, variants, variant, reference, questions))
+            lines.append(_line(metric, place, variants, variant, reference, questions))
         for variant, reference in questions.contrasts:
-            lines.append(_line(metric, setting, variants, variant, reference, questions))
+            lines.append(_line(metric, place, variants, variant, reference, questions))
     return corrected(lines, questions)
 
 
@@ -257,7 +271,7 @@ def _p(difference: PairedDifference | None) -> float:
 
 def _line(
     metric: str,
-    setting: str,
+    place: str,
     variants: Mapping[str, Sample],
     variant: str,
     reference: str | None,
@@ -267,23 +281,27 @@ def _line(
     own = sample.estimate(ends)
     line = ComparisonLine(
         *(variant, metric, len(sample.values), own),
-        setting=setting,
+        setting=place if sample.statistic == MEAN else "",
         reference=reference,
         failed=sample.failed,
         is_removed=sample.is_removed,
+        statistic=sample.statistic,
+        is_single=sample.is_single,
     )
     if reference is None or sample.is_removed or variants[reference].is_removed:
         return line
     base = variants[reference]
+    # Of single numbers it is the plain difference, which no test and no margin belongs to.
     compared = difference(
-        *(sample.values, base.values, questions.test),
+        *(sample.values, base.values, "t" if sample.is_single else questions.test),
         is_same=sample.is_same and base.is_same,
         is_skewed=True if metric in questions.never else None,
-        margin=questions.margin(metric),
+        margin=0.0 if sample.is_single else questions.margin(metric),
     )
     # Where both lack the same values there is nothing to test.
     differs = [a is None for a in sample.values] != [b is None for b in base.values]
-    presence = mcnemar_test(sample.values, base.values) if differs else math.nan
+    is_tested = differs and not sample.is_single
+    presence = mcnemar_test(sample.values, base.values) if is_tested else math.nan
     is_unranked = sample.is_unranked or base.is_unranked
     if is_unranked:
         # A difference of the runs that survived says nothing of those that did not.

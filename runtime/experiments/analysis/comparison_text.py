@@ -32,6 +32,7 @@ from runtime.experiments.analysis.words import (
 from runtime.terminal import number, table, with_unit
 
 HEAD = (*("", "n", "mean", "interval of mean", "difference", "interval of difference", "differs"),)
+SOME = "n/N: n of N seeds have a value (of a difference: both); means are over those."
 
 
 def comparison_rows(
@@ -50,8 +51,8 @@ def comparison_rows(
     rows: list[tuple[str, ...]] = [HEAD]
     above = ("", "")
     for line in lines:
-        if (line.metric, line.setting) != above:
-            above = line.metric, line.setting
+        if (line.metric, line.place) != above:
+            above = line.metric, line.place
             rows.append((", ".join(filter(None, (with_unit(above[0], units or {}), above[1]))),))
         rows.append(_cells(line, interval_text, (never or {}).get(line.metric, NEVER)))
     return rows
@@ -85,7 +86,7 @@ def legend(
     if all(line.own.is_same or line.is_removed for line in lines):
         to = paired.partition(" on the same")[0].removesuffix(",")
         return f"Differences are to {to}. {SAME}: {SAME_RUNS}."
-    differences = [line.difference for line in lines if line.difference is not None]
+    differences = [line.difference for line in lines if line.difference and not line.is_single]
     notes = [
         f"±: 95 % interval. Differences are to {paired}:",
         f"{how or TESTS[test]}.",
@@ -103,12 +104,12 @@ def legend(
         notes.append(f"margin: differs means by more; {NEGLIGIBLE}: the interval is within it.")
     if any(not line.is_primary for line in lines):
         notes.append("Metrics that are not primary are described, not tested.")
+    if singles := ", ".join(dict.fromkeys(line.statistic for line in lines if line.is_single)):
+        notes.append(f"{singles}: one number of all observations, without interval and test.")
     if any(line.own.is_same for line in lines):
         notes.append(_of_same_runs(lines))
     if any(line.own.n < line.runs and not line.own.is_same for line in lines):
-        notes.append(
-            "n/N: n of N seeds have a value (of a difference: both); means are over those."
-        )
+        notes.append(SOME)
     if any(line.own.never or line.own.failed for line in lines):
         notes.append("Infinite values (never ...) and failed runs are worse than any value.")
     if UNRANKED in verdicts:

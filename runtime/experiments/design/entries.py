@@ -28,7 +28,7 @@ from runtime.graph import Graph
 Sampler = Literal["tpe", "nsga2", "sobol", "random"]
 Over = Literal["mean", "worst"]
 # What an ablation asks of the results.
-QUESTION_KEYS = ("primary", "contrasts", "margin", "figures")
+QUESTION_KEYS = ("primary", "contrasts", "margin", "quantile", "worst", "figures")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 TUNING_KEYS = (
     *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
@@ -56,6 +56,7 @@ class Entries:
     primary : metrics whose differences are tested, all if empty.
     contrasts : variants that are compared with each other, besides with the baseline.
     margins : the smallest differences that count, by metric; '' for all others.
+    quantiles, worst : what the table shows of each metric besides its mean.
     figures : what is drawn besides the usual figures.
     budget : the most training runs of a tuning, those that were stopped early included.
     patience : trials per factor without a better one, after which a tuning ends.
@@ -79,6 +80,8 @@ class Entries:
     primary: tuple[str, ...] = ()
     contrasts: tuple[tuple[str, str], ...] = ()
     margins: tuple[tuple[str, float | str], ...] = ()
+    quantiles: tuple[float, ...] = ()
+    worst: bool | None = None
     figures: tuple[FigureSpec, ...] = ()
     budget: int | None = None
     patience: int | None = None
@@ -165,6 +168,8 @@ class _PlainReader:
             "budget": self.whole("budget", 1, MOST_TRIALS),
             "patience": self.whole("patience", 1, MOST_TRIALS),
             "repeats": self.whole("repeats", 1, MOST_REPEATS),
+            "quantiles": tuple(self.quantiles()),
+            "worst": self.choice("worst", (True, False)),
         }
 
     def refuse(self, node: Node, address: str, message: str) -> None:
@@ -210,6 +215,18 @@ class _PlainReader:
         expected = ", ".join(str(choice).lower() for choice in choices)
         self.refuse(node, key, f"expected one of {expected}, got {node.describe()}")
         return None
+
+    def quantiles(self) -> Iterator[float]:
+        """Those of ``0.9``, or of ``[0.1, 0.9]``, each once."""
+        section, found = self.document.get("quantile"), set[float]()
+        for node in [] if section is None else section.value if section.is_list else [section]:
+            value = node.value
+            if not isinstance(value, float) or not 0.0 < value < 1.0:
+                message = f"expected a number between 0 and 1, as 0.9, got {node.describe()}"
+                self.refuse(node, "quantile", message)
+            elif value not in found:
+                found.add(value)
+                yield value
 
 
 @dataclass

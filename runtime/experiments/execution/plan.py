@@ -78,7 +78,8 @@ class ExperimentPlan:
     Each of ``variants``, the baseline first, runs with all values of ``design``; without variants
     ``graph`` does. ``essential`` are the blocks that an ablation cannot remove alone, with the
     reasons. ``primary``, ``contrasts`` and ``margins`` are what is asked of the results, as in
-    :class:`Questions`; no number depends on them.
+    :class:`Questions`, ``quantiles`` and ``with_worst`` what is shown besides means; no number of
+    a run depends on them.
     """
 
     kind: Kind
@@ -94,6 +95,8 @@ class ExperimentPlan:
     primary: tuple[str, ...] = ()
     contrasts: tuple[tuple[str, str], ...] = ()
     margins: Mapping[str, float | str] = field(default_factory=dict)
+    quantiles: tuple[float, ...] = ()
+    with_worst: bool = False
     figures: tuple[FigureSpec, ...] = ()
 
     @property
@@ -233,6 +236,8 @@ class ExperimentPlan:
                     ("primary", list(self.primary)),
                     ("contrasts", [list(pair) for pair in self.contrasts]),
                     ("margin", dict(self.margins)),
+                    ("quantile", list(self.quantiles)),
+                    ("worst", self.with_worst),
                     ("figures", {figure.name: figure.to_dict() for figure in self.figures}),
                 )
                 if value
@@ -320,6 +325,8 @@ def _plan(
         primary=entries.primary,
         contrasts=entries.contrasts,
         margins=dict(entries.margins),
+        quantiles=entries.quantiles,
+        with_worst=bool(entries.worst),
         figures=entries.figures,
     )
     return checked_plan(plan)

@@ -92,10 +92,13 @@ def test_counts_are_those_of_runs_that_lack_a_value() -> None:
     assert told(own, {**crashed, "failed": 10}) == (
         "The baseline settled in 10 of 10 runs, without net in none, 10 failed (p = 0.002)."
     )
-    # The line of one setting is not that of all.
+    # The line of one setting is not that of all, and that of the worst run is not the mean.
     setting = {**line("baseline", 3, 99.0), "setting": "wind=2"}
     slower = line("bypass limit", 10, 24.0, verdict="yes", p_adjusted=0.01)
-    assert told(own, setting, slower).startswith("Bypass limit: settled at 24 s instead of 12 s")
+    worst = {**line("baseline", 10, 99.0), "statistic": "worst"}
+    assert told(own, setting, worst, slower).startswith(
+        "Bypass limit: settled at 24 s instead of 12 s"
+    )
 
 
 @pytest.mark.parametrize(
