@@ -11,7 +11,8 @@ with 3 of them, by stage:
     4 to 9   M k_i = f_i + ...         six increments with the same M
 
 M is factored once per step, and only within its band: neighbours in a diffusion make it
-tridiagonal, which costs n operations where a full matrix costs n^3.
+tridiagonal, which costs n operations where a full matrix costs n^3. Where another order of the
+states makes the band much narrower, M has its rows and columns in that order ("places").
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ DIFFERENCE = 2.220446049250313e-16
 # Increments of a step, each with a stage; and the rows of the slopes after those of the stages and
 # of M's columns: which rows of M were exchanged, and its band.
 INCREMENTS, SPARE = 6, 2
+# The arrays of a ``Coupling`` that :func:`implicit` takes.
+STRUCTURE = "colours", "pattern", "places"
 # Loops over so narrow a band are faster in Python than NumPy's calls.
 NARROW = 8
 
@@ -43,6 +46,7 @@ def implicit(
     h: float,
     colours: FloatArray,
     pattern: FloatArray,
+    places: FloatArray,
 ) -> None:
     """Move the states to the next stage; the Python engine's form.
 
@@ -54,6 +58,7 @@ def implicit(
     ----------
     colours : of each state, (n,): from 0.
     pattern : row and column of each entry of J that may differ from zero, (m, 2).
+    places : of each state, (n,): its row and column in M.
     """
     n = len(states)
     rows = len(slopes) - n - SPARE
@@ -66,21 +71,24 @@ def implicit(
     if i < 0:
         return
     row = 0 if i == 0 else stage
+    place = places.astype(int)
     if i == 0:
         slopes[stage] = (slopes[stage] - slopes[0]) / (SHIFT * h)
         r, c = pattern.astype(int).T
         columns = slopes[rows : rows + n]
         columns[:] = 0.0
         changes = slopes[1 + colours[c].astype(int), r] - slopes[0, r]
-        columns[c, r] = -(changes / (steps - start)[c])
+        columns[place[c], place[r]] = -(changes / (steps - start)[c])
         columns.flat[:: n + 1] += 1.0 / (GAMMA * h)
-        slopes[rows + n + 1, 0] = np.abs(r - c).max(initial=0)
+        slopes[rows + n + 1, 0] = np.abs(place[r] - place[c]).max(initial=0)
         factor(slopes, rows)
     right = slopes[row] + table[rows + i, 5] * h * slopes[first]
     for m in range(i):
         right += table[rows + i, m] / h * slopes[0 if m == 0 else first + m]
-    solve(slopes, rows, right)
-    slopes[row] = right
+    placed = np.empty(n)
+    placed[place] = right
+    solve(slopes, rows, placed)
+    slopes[row] = right = placed[place]
     for m in range(i + 1):
         states += table[stage, m] * slopes[0 if m == 0 else first + m]
     if i == INCREMENTS - 1:
@@ -144,6 +152,7 @@ def implicit_loops(
     h: float,
     colours: FloatArray,
     pattern: FloatArray,
+    places: FloatArray,
 ) -> None:
     """What :func:`implicit` does."""
     n = len(states)
@@ -159,22 +168,22 @@ def implicit_loops(
         if i == 0:
             for r in range(n):
                 slopes[stage, r] = (slopes[stage, r] - slopes[0, r]) / (SHIFT * h)
-            fill(slopes, rows, start, colours, pattern, h)
+            fill(slopes, rows, start, colours, pattern, places, h)
             factor_loops(slopes, rows)
         right = np.zeros(n)
         for r in range(n):
             total = slopes[row, r] + table[rows + i, 5] * h * slopes[first, r]
             for m in range(i):
                 total += table[rows + i, m] / h * slopes[0 if m == 0 else first + m, r]
-            right[r] = total
+            right[int(places[r])] = total
         solve_loops(slopes, rows, right)
         for r in range(n):
-            slopes[row, r] = right[r]
+            slopes[row, r] = right[int(places[r])]
         for r in range(n):
             for m in range(i + 1):
                 states[r] += table[stage, m] * slopes[0 if m == 0 else first + m, r]
             if i == INCREMENTS - 1:
-                slopes[stage, r] = right[r] / h
+                slopes[stage, r] = right[int(places[r])] / h
 
 
 def difference(x: float) -> float:
@@ -188,19 +197,22 @@ def fill(
     start: FloatArray,
     colours: FloatArray,
     pattern: FloatArray,
+    places: FloatArray,
     h: float,
 ) -> None:
     """Write M = 1 / (gamma h) - J from the differences of each colour, and its band."""
     n, band = slopes.shape[1], 0
     for m in range(len(pattern)):
-        band = max(band, abs(int(pattern[m, 0]) - int(pattern[m, 1])))
+        r, c = int(pattern[m, 0]), int(pattern[m, 1])
+        band = max(band, abs(int(places[r]) - int(places[c])))
     for c in range(n):
         for r in range(max(0, c - 2 * band), min(n, c + band + 1)):
             slopes[rows + c, r] = 0.0
     for m in range(len(pattern)):
         r, c = int(pattern[m, 0]), int(pattern[m, 1])
         change = slopes[1 + int(colours[c]), r] - slopes[0, r]
-        slopes[rows + c, r] = -(change / (start[c] + difference(start[c]) - start[c]))
+        step = start[c] + difference(start[c]) - start[c]
+        slopes[rows + int(places[c]), int(places[r])] = -(change / step)
     for r in range(n):
         slopes[rows + r, r] += 1.0 / (GAMMA * h)
     slopes[rows + n + 1, 0] = band

@@ -21,7 +21,7 @@ from runtime.engine.events import SIDE, UNKNOWN
 from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
 from runtime.engine.program import Program
-from runtime.engine.rosenbrock import implicit
+from runtime.engine.rosenbrock import STRUCTURE, implicit
 from runtime.engine.solvers import blend, controls, joined, judged, method_of, refused, substep
 from runtime.engine.state import RunState
 from runtime.engine.values import (
@@ -203,11 +203,11 @@ class Start:
             sides = self.state.arrays["run/sides"]
             sides[:] = math.nan
             sides[SIDE] = np.where(directions > 1.0, -1.0, UNKNOWN)
-        jacobian: dict[str, FloatArray] = {}
+        jacobian: dict[str, Any] = {}
         move: Callable[..., None] = blend
         if part.coupling is not None:
-            jacobian = {"colours": part.coupling.colours, "pattern": part.coupling.pattern}
-            move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
+            jacobian = {name: getattr(part.coupling, name) for name in STRUCTURE}
+            move = partial(implicit, **jacobian)
         return {
             **jacobian,
             **event_names(part, self.state.arrays),

@@ -26,7 +26,7 @@ MEMBERS = frozenset(("tick", "failure", "arena", "arena_most", "none", "signals"
 ENGINE = ""  # instead of a block: the owner of the solver's memory
 SHORT = 16  # numbers of an array that is a parameter: the gain of a controller, not a table
 # What the engine keeps for a solver and never changes.
-FIXED = frozenset(("table", "errors", "directions", "edges", "colours", "pattern"))
+FIXED = frozenset(("table", "errors", "directions", "edges", "colours", "pattern", "places"))
 
 
 @dataclass(frozen=True)

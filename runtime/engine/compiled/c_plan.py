@@ -33,6 +33,7 @@ from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
 from runtime.engine.python_text import CONDITIONS, EARLIER, row
+from runtime.engine.rosenbrock import STRUCTURE
 from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     Argument,
@@ -362,7 +363,7 @@ class EngineText(SignalText):
             self.run("first_bad", slopes, "stage", "&bad")
             self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
             given = [states, start, slopes, table, "stage", h]
-            given += map(self.solvers, ("colours", "pattern") if method.is_implicit else ())
+            given += map(self.solvers, STRUCTURE if method.is_implicit else ())
             self.run("moved", *given)
 
     def located(self, part: Integrate, method: Method) -> None:

@@ -80,6 +80,7 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
     if part.coupling is not None:
         moves.append(("colours", row))
         moves.append(("pattern", Array("float", part.coupling.pattern.shape)))
+        moves.append(("places", row))
     name = "implicit_loops" if method.is_implicit else "moved"
     entries.append(Entry("solver_moved", name, moves))
     functions: list[Any] = [keep, first_bad]
