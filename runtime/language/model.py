@@ -88,6 +88,9 @@ def _scan_once(text: str) -> YamlItem:
     return scan(text)
 
 
+LONGEST_LINE = 500_000  # characters
+
+
 class Model:
     """One version of one text.
 
@@ -125,8 +128,11 @@ class Model:
     @cached_property
     def root(self) -> YamlItem:
         """The tree of what is written; empty if the file is too large to be read."""
-        # Each entry begins with one of these, and takes 300 bytes.
-        is_large = sum(map(self.text.source.count, ",[{\n\"'")) > GRAPH_VALUES
+        # Each entry begins with one of these, and takes 300 bytes; the patterns of the scanner take
+        # 100 for each character of a line.
+        source = self.text.source
+        is_large = sum(map(source.count, ",[{\n\"'")) > GRAPH_VALUES
+        is_large = is_large or max(map(len, source.split("\n"))) > LONGEST_LINE
         return YamlItem() if self.refusal or is_large else _scan_once(self.text.source)
 
     @property
