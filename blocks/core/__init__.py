@@ -29,6 +29,12 @@ from blocks.core.expressions import (
     signed_distance,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
+from blocks.core.frequency_response import (
+    FrequencyResponse,
+    delay_chains,
+    eigenvalues,
+    refined,
+)
 from blocks.core.graph_input import GraphInput
 from blocks.core.hints import hint, rate_note, similar
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
@@ -132,6 +138,7 @@ __all__ = [
     "ExpressionError",
     "Expressions",
     "FloatArray",
+    "FrequencyResponse",
     "GraphInput",
     "Input",
     "IntArray",
@@ -172,10 +179,12 @@ __all__ = [
     "cos",
     "covariance_fault",
     "cross_product",
+    "delay_chains",
     "differ",
     "dimension",
     "directions",
     "dot",
+    "eigenvalues",
     "eliminate",
     "expression_function",
     "function_from",
@@ -203,6 +212,7 @@ __all__ = [
     "quaternion_product",
     "rate_note",
     "read_expressions",
+    "refined",
     "require",
     "retune",
     "rotation_matrix",

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, FrequencyResponse, delay_chains, eigenvalues, refined
 from runtime.document import SECOND
 from runtime.plots.log_axes import label_log
 from runtime.plots.looks import LOOKS, fit, headline, styled
@@ -50,7 +50,7 @@ class LinearSystem:
     @property
     def rates(self) -> Complex:
         """The poles as s; those of a sampled system that die in one period are left out."""
-        poles = np.linalg.eigvals(self.a).astype(complex)
+        poles = eigenvalues(self.a)
         if not self.period:
             return poles
         return np.asarray(np.log(poles[np.abs(poles) > 1e-6]) / self.period)
@@ -63,18 +63,14 @@ class LinearSystem:
         if self.period:
             high = math.pi / self.period
             low = min(low, high / 1000.0)
-        return np.logspace(np.log10(low), np.log10(high), POINTS)
+        delays = delay_chains(self.a, self.b.sum(axis=1)) if self.period else ()
+        w = np.logspace(np.log10(low), np.log10(high), POINTS)
+        return refined(w, self.period * len(delays))
 
     def response(self, j: int, i: int, frequencies: FloatArray) -> Complex:
         """c (pI - A)^-1 b + d at p = jw, or at e^(jw period), of an input j and an output i."""
-        p = 1j * frequencies
-        p = np.exp(p * self.period) if self.period else p
-        # Solved for all frequencies at once; an inverse would lose digits where the matrix is
-        # nearly singular, as near an undamped pole.
-        n = len(self.a)
-        columns = np.broadcast_to(self.b[:, [j]], (len(p), n, 1))
-        states = np.linalg.solve(p[:, None, None] * np.eye(n) - self.a, columns)
-        return np.asarray(states[..., 0] @ self.c[i] + self.d[i, j])
+        b, c, d = self.b[:, j], self.c[i], float(self.d[i, j])
+        return FrequencyResponse(self.a, b, c, d, self.period)(frequencies)
 
     def step(self, j: int, i: int) -> tuple[FloatArray, FloatArray]:
         """Times and the response to a step of 1."""
@@ -138,7 +134,9 @@ def draw_margins(
         response = system.response(0, 0, frequencies)
         phases = _bode(gain, phase, frequencies, response, line_style(0))
         gain.axhline(0.0, color=GREY, linewidth=0.8)
-        turn = 360.0 * np.round((np.median(phases) + 180.0) / 360.0) - 180.0
+        spread = np.geomspace(frequencies[0], frequencies[-1], POINTS)
+        middle = np.median(np.interp(spread, frequencies, phases))
+        turn = 360.0 * np.round((middle + 180.0) / 360.0) - 180.0
         phase.axhline(turn, color=GREY, linewidth=0.8)
         for k, (at, text) in enumerate(crossings):
             value = system.response(0, 0, np.array([at]))[0]
@@ -288,7 +286,7 @@ def _arrows(response: Complex) -> list[int]:
 
 
 def _poles(plane: Any, system: LinearSystem) -> None:
-    poles: Any = np.linalg.eigvals(system.a)
+    poles = eigenvalues(system.a)
     _stability(plane, system.period)
     plane.plot(poles.real, poles.imag, "x", markersize=6)
     _name_plane(plane, system.period, system.unit, "Poles")

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from blocks.core import FloatArray, MissingPackageError, require
+from blocks.core import FloatArray, MissingPackageError, eigenvalues, require
 from runtime.document import SECOND
 from runtime.errors import MissingExtraError, UsageError
 from runtime.network import Network
@@ -68,7 +69,7 @@ class Linearization:
     loose: tuple[Loose, ...] = ()
     opened: str = ""
 
-    @property
+    @cached_property
     def poles(self) -> npt.NDArray[np.complex128]:
         """The eigenvalues of A, the slowest first: in the s plane (1/s), or in the z plane."""
         return sorted_poles(self.a, bool(self.period))
@@ -79,7 +80,9 @@ class Linearization:
         if not self.period:
             return self.poles
         with np.errstate(divide="ignore"):
-            return np.asarray(np.log(self.poles.astype(complex)) / self.period)
+            found = np.log(self.poles.astype(complex))
+        # Part by part: a complex quotient makes NaN of the imaginary part beside -inf.
+        return np.asarray(found.real / self.period + 1j * (found.imag / self.period))
 
     @property
     def is_stable(self) -> bool:
@@ -139,7 +142,7 @@ def is_inside(poles: npt.NDArray[Any], is_sampled: bool) -> bool:
 
 def sorted_poles(a: FloatArray, is_sampled: bool) -> npt.NDArray[np.complex128]:
     """The eigenvalues of A, the slowest first."""
-    values = np.linalg.eigvals(a)
+    values = eigenvalues(a)
     order = np.lexsort((values.imag, -(np.abs(values) if is_sampled else values.real)))
     return np.asarray(values[order])
 

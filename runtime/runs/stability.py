@@ -1,7 +1,7 @@
 """Stability margins of a loop transfer function, and numbers of a step response.
 
-In: a :class:`Linearization` with one input and one output. Out: numbers, by python-control's
-evaluation of L and its ``step_info`` (extra ``control``). Of L = 1 / (s (s + 1)): no gain margin, a
+In: a :class:`Linearization` with one input and one output. Out: numbers; those of a step response
+by python-control's ``step_info`` (extra ``control``). Of L = 1 / (s (s + 1)): no gain margin, a
 phase margin of 51.8 degrees at 0.786 rad/s.
 """
 
@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, FrequencyResponse, eigenvalues, refined
 from runtime.errors import UsageError
 from runtime.runs.linearization import Linearization, control, is_inside
 
@@ -51,15 +50,16 @@ def margins(loop: Linearization) -> Margins:
     Raises
     ------
     UsageError : it has not one input and one output.
-    MissingExtraError : python-control is not installed.
     """
     _single(loop, "margins")
-    system, w = loop.to_control(), _frequencies(loop)
+    b, c, d = loop.b[:, 0], loop.c[0], float(loop.d[0, 0])
+    response = FrequencyResponse(loop.a, b, c, d, loop.period)
+    w = _frequencies(loop, response.delay)
+    values = response(w)
 
-    def at(each: Any) -> Any:
-        return system(np.exp(1j * each * loop.period) if loop.period else 1j * each)
+    def at(each: float) -> complex:
+        return complex(response(np.array([each]))[0])
 
-    values = at(w)
     real = _roots(lambda x: at(x).imag, w, values.imag)
     gains = [(-1.0 / at(x).real, x) for x in real if at(x).real < 0.0]
     if loop.period and values[-1].real < 0.0:
@@ -76,7 +76,7 @@ def margins(loop: Linearization) -> Margins:
     nearest = int(np.argmin(np.abs(1.0 + values)))
     modulus = float(np.abs(1.0 + values[nearest]))
     closed = loop.a - np.outer(loop.b[:, 0], loop.c[0]) / (1.0 + loop.d[0, 0])
-    is_stable = is_inside(np.linalg.eigvals(closed), bool(loop.period))
+    is_stable = is_inside(eigenvalues(closed), bool(loop.period))
     delay, modulus_at = float(delay), float(w[nearest])
     return Margins(
         *(float(gain), float(gain_at), float(phase), float(phase_at)),
@@ -84,8 +84,8 @@ def margins(loop: Linearization) -> Margins:
     )
 
 
-def _frequencies(loop: Linearization) -> FloatArray:
-    """Frequencies (rad per time) far beyond those of all poles, densely.
+def _frequencies(loop: Linearization, delay: float) -> FloatArray:
+    """Frequencies (rad per time) far beyond those of all poles, densely, of a delay's turns too.
 
     python-control's own search solves for roots of polynomials in z, which are lost in rounding if
     the sampling is fast: poles are then near 1, and those of integrators no longer at 1.
@@ -93,7 +93,8 @@ def _frequencies(loop: Linearization) -> FloatArray:
     sizes = np.abs(loop.equivalent[np.isfinite(loop.equivalent)])
     sizes = sizes[sizes > 1e-6 * sizes.max(initial=0.0)]
     low, high = sizes.min(initial=1.0) / 1e3, 1e4 * sizes.max(initial=1.0)
-    return np.geomspace(low, math.pi / loop.period if loop.period else high, POINTS)
+    high = math.pi / loop.period if loop.period else high
+    return refined(np.geomspace(low, high, POINTS), delay)
 
 
 def _is_finite_at_rest(loop: Linearization) -> bool:

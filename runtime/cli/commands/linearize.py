@@ -52,7 +52,7 @@ def add(parser: ArgumentParser) -> None:
     _repeatable(trim, "--fix", "NAME=VALUE", message)
     message = "a state, input or output in this range; repeatable"
     _repeatable(trim, "--bound", "NAME=LOW..HIGH", message)
-    figures = parser.add_argument_group("numbers and figures (extra 'control' for the first two)")
+    figures = parser.add_argument_group("numbers and figures (extra 'control' for --step)")
     kind = figures.add_mutually_exclusive_group()
     kind.add_argument("--margins", action="store_true", help="gain, phase and delay margin")
     kind.add_argument("--step", action="store_true", help="rise and settling time, overshoot")

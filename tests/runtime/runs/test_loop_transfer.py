@@ -95,6 +95,74 @@ def test_an_unstable_plant_has_a_smallest_gain(dt: float | None) -> None:
     assert got.gain_at == 0.0
 
 
+def delayed(plant: dict[str, object], delay: float) -> runtime.Graph:
+    """A loop around a plant and a delay, with a step of 1 ms."""
+    return runtime.load(
+        {
+            "run": {"dt": 0.001, "until": 1.0},
+            "blocks": {
+                "r": {"type": "Constant", "value": 0.0},
+                "e": {"type": "Sum", "signs": [1, -1]},
+                "p": plant,
+                "d": {"type": "Delay", "delay": delay},
+            },
+            "wires": {
+                "e": {"terms": ["r.value", "d.out"]},
+                "p": {"input": "e.out"},
+                "d": {"input": "p.out"},
+            },
+        }
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cut", ["d.out", "e.out"])
+def test_a_loop_with_a_delay_of_hundreds_of_ticks(cut: str) -> None:
+    """2 exp(-0.3 s) / (s + 1), with the plant held for a tick."""
+    plant = {"type": "TransferFunction", "numerator": [2], "denominator": [1, 1]}
+    found = delayed(plant, 0.3).linearize(opened=cut)
+    got = margins(found)
+    assert got.is_stable
+    assert got.phase_at == pytest.approx(math.sqrt(3.0), rel=1e-6)
+    # The tick for which the plant is held is a delay of half a tick.
+    assert got.phase == pytest.approx(120.0 - math.degrees(0.3005 * math.sqrt(3.0)), abs=1e-4)
+    assert got.delay == pytest.approx(math.radians(got.phase) / got.phase_at, rel=1e-12)
+    # atan(w) + 0.3005 w = pi, and the gain there.
+    w = got.gain_at
+    assert math.atan(w) + 0.3005 * w == pytest.approx(math.pi, rel=1e-6)
+    assert got.gain == pytest.approx(math.hypot(1.0, w) / 2.0, rel=1e-5)
+    # A pole at z = 0 is s = -inf, without an imaginary part.
+    assert np.isneginf(found.equivalent[1:].real).all()
+    assert (found.equivalent[1:].imag == 0.0).all()
+
+
+@pytest.mark.slow
+def test_an_integrator_with_a_delay() -> None:
+    """k exp(-s d) / s: the gain margin is pi / (2 k d), the phase margin pi / 2 - k d."""
+    plant = {"type": "TransferFunction", "numerator": [4], "denominator": [1, 0]}
+    got = margins(delayed(plant, 0.2).linearize(opened="d.out"))
+    assert got.gain == pytest.approx(math.pi / (2.0 * 4.0 * 0.2005), rel=1e-5)
+    assert got.gain_at == pytest.approx(math.pi / (2.0 * 0.2005), rel=1e-6)
+    assert got.phase == pytest.approx(math.degrees(math.pi / 2.0 - 4.0 * 0.2005), abs=1e-3)
+    assert got.is_stable
+
+
+def test_a_short_delay_is_what_python_control_makes_of_it() -> None:
+    plant = {"type": "TransferFunction", "numerator": [200], "denominator": [1, 20, 0]}
+    found = delayed(plant, 0.006).linearize(opened="d.out")
+    late = ct.tf([1], [1, *([0] * 6)], 0.001)
+    expected = ct.c2d(ct.tf([200], [1, 20, 0]), 0.001) * late
+    got = margins(found)
+
+    def at(w: float) -> complex:
+        return complex(expected(np.exp(0.001j * w)))
+
+    assert at(got.gain_at) == pytest.approx(-1.0 / got.gain, rel=1e-8)
+    assert at(got.phase_at) == pytest.approx(-np.exp(1j * math.radians(got.phase)), rel=1e-8)
+    closest = min(abs(1.0 + at(w)) for w in np.geomspace(1.0, 100.0, 5_000))
+    assert got.modulus == pytest.approx(closest, rel=1e-5)
+
+
 def test_a_component_of_a_command_is_cut_alone() -> None:
     graph = runtime.load(
         {
