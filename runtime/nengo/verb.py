@@ -59,7 +59,8 @@ def run(options: Namespace) -> int:
     path = Path(options.out) if options.out else Path(source.stem + SUFFIX)
     if path.suffix != SUFFIX:
         raise UsageError(f"-o: expected a file that ends in {SUFFIX}, got '{path}'")
-    tell(f"executing '{source}', as Python would")
+    if source.is_file():  # else reading it says what is missing
+        tell(f"executing '{source}', as Python would")
     done = import_file(
         options.model,
         path,
