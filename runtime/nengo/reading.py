@@ -8,15 +8,37 @@ In: ``model.py`` or ``model.py:name``. Out: the network, and a name for each obj
 from __future__ import annotations
 
 import keyword
+import os
 import re
 import runpy
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import nengo
 
-from runtime.errors import UsageError, raised_text
+from runtime.errors import ROOT, SpikeblocksError, UsageError, raised_at, raised_text
+
+
+@contextmanager
+def functions_of(source: str) -> Iterator[None]:
+    """What a model's functions raise when they are called, or Nengo about the model.
+
+    Raises
+    ------
+    UsageError : they did; a SystemExit would else end the command with exit code 0.
+    """
+    try:
+        yield
+    except (SpikeblocksError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        place = Path(raised_at(error).rpartition(":")[0]).resolve()
+        if place.is_relative_to(ROOT / "runtime") or place.is_relative_to(ROOT / "blocks"):
+            raise  # a fault of ours
+        raise UsageError(f"'{source}' fails: {raised_text(error)}") from None
 
 
 def read_network(source: str) -> tuple[Any, dict[str, Any]]:
@@ -31,10 +53,14 @@ def read_network(source: str) -> tuple[Any, dict[str, Any]]:
         raise UsageError(f"there is no file '{path}'; expected a Python file with a nengo.Network")
     # Its cache on disk would be written by every import.
     nengo.rc["decoder_cache"]["enabled"] = "False"
+    here, streams = Path.cwd(), (sys.stdout, sys.stderr)
     try:
         variables = runpy.run_path(path, run_name="nengo_model")
     except BaseException as error:  # noqa: BLE001 -- a user's file may raise anything
         raise UsageError(f"'{path}' fails: {raised_text(error)}") from None
+    finally:  # files and messages go where they would have gone
+        os.chdir(here)
+        sys.stdout, sys.stderr = streams
     networks = {k: v for k, v in variables.items() if isinstance(v, nengo.Network)}
     inner = {id(n) for network in networks.values() for n in network.all_networks}
     outer = {k: v for k, v in networks.items() if id(v) not in inner}

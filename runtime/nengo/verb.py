@@ -54,6 +54,7 @@ def run(options: Namespace) -> int:
     except ImportError:
         raise MissingExtraError("importing a model of Nengo", "nengo") from None
     from runtime.nengo.importing import import_file, is_equal
+    from runtime.nengo.reading import functions_of
 
     source = Path(options.model.partition(":")[0] if ":" in options.model else options.model)
     path = Path(options.out) if options.out else Path(source.stem + SUFFIX)
@@ -61,15 +62,16 @@ def run(options: Namespace) -> int:
         raise UsageError(f"-o: expected a file that ends in {SUFFIX}, got '{path}'")
     if source.is_file():  # else reading it says what is missing
         tell(f"executing '{source}', as Python would")
-    done = import_file(
-        options.model,
-        path,
-        dt=options.dt,
-        until=options.until,
-        seed=options.seed,
-        redraw=options.redraw,
-    )
-    compared = done.compare() if options.compare else None
+    with functions_of(options.model):
+        done = import_file(
+            options.model,
+            path,
+            dt=options.dt,
+            until=options.until,
+            seed=options.seed,
+            redraw=options.redraw,
+        )
+        compared = done.compare() if options.compare else None
     if options.json:
         facts = {"files": [str(p) for p in done.files], "blocks": done.blocks, "notes": done.notes}
         show_json(facts | ({} if compared is None else {"compared": compared}))

@@ -196,6 +196,12 @@ def test_functions_are_recognised_by_their_values(function: Any, d: int, expecte
         ("x = 1\n", "expected one network"),
         ("import nengo\na, b = nengo.Network(), nengo.Network()\n", "got a, b; write"),
         ("1 / 0\n", "fails: ZeroDivisionError"),
+        ("import os, sys\nos.chdir('/')\nsys.stderr = None\n", "expected one network"),
+        ("import nengo, sys\nwith nengo.Network() as m:\n  u = nengo.Node(0)\n"
+         "  a = nengo.Ensemble(9, 1)\n"
+         "  nengo.Connection(u, a)\nu.output = lambda t: sys.exit(0)\n", "fails: SystemExit: 0 ("),
+        ("import nengo\nwith nengo.Network() as m:\n  a = nengo.Ensemble(9, 1)\n"
+         "  nengo.Connection(a, a, function=lambda x: x if x < 0.5 else 1 / 0)\n", "model.py:4)"),
         ("import nengo\nwith nengo.Network() as m:\n  nengo.Ensemble(9, 1, "
          "neuron_type=nengo.PoissonSpiking(nengo.LIFRate(amplitude=2)))\n", "is not read; give"),
         ("import nengo\nwith nengo.Network() as m:\n"
@@ -210,6 +216,14 @@ def test_what_cannot_be_read_is_said(tmp_path: Path, cli: Run, text: str, expect
     assert done.returncode == 2
     assert expected in done.stderr
     assert not (tmp_path / "my.yaml").exists()
+
+
+def test_a_model_that_closes_stdout_gets_its_graph_and_a_sentence(tmp_path: Path, cli: Run) -> None:
+    (tmp_path / "model.py").write_text(f"{PES}\nimport sys\nsys.stdout.close()\n", encoding="utf-8")
+    done = cli("import", "nengo", f"{tmp_path}/model.py", "-o", f"{tmp_path}/my.yaml")
+    assert done.returncode == 2
+    assert done.stderr.endswith("cannot write to stdout: Bad file descriptor\n")
+    assert (tmp_path / "my.yaml").exists()
 
 
 def test_the_command_writes_compares_and_prints(tmp_path: Path, cli: Run) -> None:
