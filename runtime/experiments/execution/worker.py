@@ -19,10 +19,12 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from ctypes import c_ulong, py_object, pythonapi
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from threading import TIMEOUT_MAX, Lock, Timer, current_thread, get_ident, main_thread
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -46,6 +48,7 @@ Record = Literal["metrics", "trajectory", "all"]
 TRAJECTORY_PLOTS = ("trajectory", "map")
 POINTS = 1000  # rows of a signal that a figure shows over time
 _NUMBERS = re.compile(r"[-+.eE0-9\[\], ]+")
+GRACE = 3.0  # s; a trial ends itself at its time limit, unless it is stuck inside a block
 CACHED_GRAPHS = 4  # the trials of a graph are consecutive, so few are in use at a time
 # The graph that ran last; its engine holds a recording, so that one is enough.
 _idle: deque[RepeatedRuns] = deque(maxlen=1)
@@ -117,10 +120,44 @@ class Deadline:
             raise KeyboardInterrupt
 
 
+@contextmanager
+def _watched(deadline: Deadline) -> Iterator[None]:
+    """End a run at its time limit even inside a block, in a thread, as of a worker of a cluster.
+
+    A process of our own is killed from outside, and a worker of a cluster is not ours to kill. What
+    waits in a function in C is not reached before that returns.
+    """
+    if deadline.seconds is None or current_thread() is main_thread():
+        yield
+        return
+    guard, running = Lock(), [c_ulong(get_ident())]
+
+    def stop() -> None:
+        with guard:
+            for thread in running:
+                deadline.is_exceeded = True
+                pythonapi.PyThreadState_SetAsyncExc(thread, py_object(KeyboardInterrupt))
+
+    timer = Timer(min(deadline.seconds + GRACE, TIMEOUT_MAX), stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with guard:
+            running.clear()
+        timer.cancel()
+
+
 def run_task(task: Task) -> TrialResult:
     """Run a trial; any error is part of the result."""
     deadline = Deadline(task.timeout)
-    status, reason, result, runs, missing = _ended(task, deadline)
+    try:
+        with _watched(deadline):
+            ended = _ended(task, deadline)
+    except KeyboardInterrupt:  # at the very end of the run
+        ended = _Ended("failed", "interrupted", None, None)
+    status, reason, result, runs, missing = ended
     if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"

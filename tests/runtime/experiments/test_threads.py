@@ -109,6 +109,40 @@ def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
         assert [bits(done) for done in found] == expected
 
 
+STUCK = """
+import blocks
+
+class Stuck(blocks.Block):
+    \"\"\"Does not return.\"\"\"
+    out = blocks.Output(blocks.Scalar)
+    level: float = blocks.param(0.0, doc="above 0 it does not return")
+
+    def output(self, state, t):
+        while self.level > 0.0:
+            pass
+        return t
+"""
+
+
+def test_a_block_that_does_not_return_is_a_time_out_and_frees_its_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "GRACE", 0.0)
+    (tmp_path / "own.py").write_text(STUCK)
+    block = {"type": "Stuck", "module": str(tmp_path / "own.py")}
+    graph = runtime.Graph("stuck", dt=0.1, until=0.2).overlay({"blocks": {"stuck": block}})
+    bundle = GraphBundle.of(graph.metric("last", "final", "stuck.out").set("run.engine", "python"))
+    trials = [
+        Trial(i, Configuration(i, (), bundle, (("blocks.stuck.level", str(level)),)), 0)
+        for i, level in enumerate((1.0, 0.0))
+    ]
+    with ThreadPoolExecutor(1) as pool:
+        stuck, fine = pool.map(run_task, [Task(trials[0], timeout=0.1), Task(trials[1])])
+    assert stuck.status == "timeout"
+    assert stuck.reason.startswith("stopped after 0.1 s")
+    assert (fine.status, fine.metrics) == ("ok", {"last": 0.1})
+
+
 @pytest.mark.slow
 def test_threads_that_share_a_checked_graph_write_its_plan_without_each_other(
     restless: None,
