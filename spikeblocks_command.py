@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
-from typing import NoReturn
 
 
-def main() -> NoReturn:
-    """Run the command line; packages that are hidden are reported in one sentence."""
+def main() -> None:
+    """Run the command line; packages that are hidden are reported in one sentence.
+
+    Nothing is imported outside of it, since Ctrl-C would be a traceback there.
+    """
     try:
         import spikeblocks  # noqa: F401 -- reports a hidden package
         from runtime.cli import main as run

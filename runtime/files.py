@@ -332,7 +332,12 @@ def remove_tree(folder: Path) -> None:
 
 
 def point_link(link: Path, target: str) -> None:
-    """Point a link at a folder beside it; does nothing where links are not supported."""
+    """Point a link at a folder beside it; does nothing where links are not supported.
+
+    A file that has the link's name is somebody's, and stays.
+    """
+    if os.path.lexists(link) and not link.is_symlink():
+        return
     # Made beside and renamed over the old one, so that `latest` exists at any moment.
     fresh = link.parent / f".{link.name}-{os.urandom(3).hex()}"
     try:

@@ -10,6 +10,7 @@ are escapes::
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import re
@@ -71,6 +72,10 @@ def _write(stream: TextIO, text: str) -> None:
     """Write a string; characters that the stream's encoding lacks become escapes."""
     # A result must not become a traceback because a terminal knows ASCII only.
     encoding = getattr(stream, "encoding", None) or "utf-8"
+    if getattr(stream, "closed", False):  # by own code: as if it were closed from outside
+        if stream is sys.stderr:
+            return
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
     stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
 

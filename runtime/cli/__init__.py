@@ -7,6 +7,7 @@ SIGHUP. Results go to stdout, everything else to stderr.
 from __future__ import annotations
 
 import argparse
+import atexit
 import io
 import os
 import signal
@@ -111,6 +112,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     if interrupted:
         # Nothing is left to interrupt; a second Ctrl-C would end the exit with a traceback.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The work is done: a Ctrl-C while Python ends would make the exit code that of the signal. It
+    # waits for threads before, which may be of own modules, and can be interrupted there.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
     sys.exit(_flushed(code))
 
 
@@ -152,6 +156,8 @@ def _open_streams() -> None:
 
 def _flushed(code: int) -> int:
     """The exit code after flushing stdout; 2 if results could not be written."""
+    if sys.stdout.closed:  # by own code; what was to be written then is an error already
+        return code
     try:
         sys.stdout.flush()
     except BrokenPipeError:

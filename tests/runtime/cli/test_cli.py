@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -280,6 +281,32 @@ def test_ctrl_c_keeps_what_was_recorded(cli: Run, small: Path, tmp_path: Path) -
     whole = runtime.load(small).run()
     rows = len(result["plant.pose"])
     assert np.array_equal(result["plant.pose"], whole["plant.pose"][:rows])
+
+
+LAST = """
+import os, sys, blocks
+
+class Half(blocks.Block):
+    \"\"\"Half of the input.\"\"\"
+    x = blocks.Input(blocks.Scalar)
+    out = blocks.Output(blocks.Scalar)
+
+    def output(self, state, t, x):
+        return 0.5 * x
+
+class Last:
+    def __del__(self, kill=os.kill, pid=os.getpid()):
+        kill(pid, 2)
+
+sys.last = Last()  # presses Ctrl-C while Python takes its modules down
+"""
+
+
+def test_ctrl_c_after_the_work_changes_no_exit_code(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(LAST)
+    done = cli("check", "own.py", env=dict(os.environ))  # a new interpreter
+    assert done.returncode == 0, done.stderr
+    assert "Half: fine" in done.stdout
 
 
 @pytest.mark.slow

@@ -79,6 +79,13 @@ def test_a_folder_a_link_and_a_manifest_name_the_same_run(run: Path) -> None:
     assert {run_folder(way).resolve() for way in ways} == {run.resolve()}
 
 
+def test_a_file_with_the_name_of_the_link_stays(run: Path) -> None:
+    mine = run.parent / "latest"
+    mine.write_text("my notes")
+    link_latest(run)
+    assert mine.read_text() == "my notes"
+
+
 def test_a_folder_of_runs_gives_a_suggestion(run: Path) -> None:
     with pytest.raises(UsageError, match="holds no run.*did you mean '.*one'"):
         open_run(run.parent)
