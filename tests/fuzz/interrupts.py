@@ -88,7 +88,8 @@ def interrupted(folder: Path, command: tuple[str, ...], moments: random.Random) 
     if left := remaining(process.pid):
         os.killpg(process.pid, signal.SIGKILL)
         return "processes remain", f"{left} processes remain{after}"
-    if "init_import_site" in text or (process.returncode == -signal.SIGINT and not text):
+    is_early = "init_import_site" in text or "from spikeblocks_command import main" in text
+    if is_early or (process.returncode == -signal.SIGINT and not text):
         return "before Python had started", ""  # no line of ours had run
     if process.returncode not in (0, 130):
         return "other exit code", f"exit code {process.returncode}{after}: {text}"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import runtime
 from runtime.document.node import dump_yaml, parse_yaml
 from tests.fuzz import (
+    clocks_and_clusters,
     command_lines,
     damaged_caches,
     damaged_folders,
@@ -19,6 +20,7 @@ from tests.fuzz import (
     engines,
     graphs,
     hostile_files,
+    odd_documents,
     own_blocks,
     page,
     subclasses,
@@ -38,6 +40,8 @@ TRIED: list[tuple[Run, int, int]] = [
     (subclasses.run, 1, 2),
     (own_blocks.run, 10, 80),
     (hostile_files.run, 3, 24),
+    (odd_documents.run, 3, 12),
+    (clocks_and_clusters.run, 1, 6),
 ]
 
 
