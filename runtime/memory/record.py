@@ -389,6 +389,11 @@ class Record:
         for value, kind, content in self.found.values():
             kind.put(value, kind.mapped(content, change) if anew else content)
         for owner, numbers in self.arrays.values():
+            # One that a block has returned since is read-only now: mostly it is as it was.
+            if not owner.flags.writeable:
+                if owner.tobytes() == numbers.tobytes():
+                    continue
+                owner.setflags(write=True)
             owner[...] = numbers
 
     def copy_of(self, value: Array) -> Array | None:

@@ -102,6 +102,18 @@ def test_what_is_changed_is_put_back_twice(value: Any) -> None:
         assert not any(map(record.has_changed, [*record.found, *record.arrays]))
 
 
+@pytest.mark.parametrize("changed", [False, True])
+def test_an_array_that_became_read_only_is_put_back(changed: bool) -> None:
+    """A block may return an array that it keeps: from then on it is read-only."""
+    kept = np.arange(3.0)
+    record = Record({}, NOWHERE)
+    record.add({"kept": kept}, "here")
+    kept += 1.0 * changed
+    kept.setflags(write=False)
+    record.restore()
+    assert kept.tolist() == [0.0, 1.0, 2.0]
+
+
 @given(objects)
 def test_a_copy_has_nothing_in_common_with_the_original(value: Any) -> None:
     made, again = Copier(None)(value), Copier(None)(value)
