@@ -25,6 +25,7 @@ SCALE = 1.25  # pixels of a figure for each point: type of 9 points has 11 pixel
 LEGIBLE = 0.62  # of a diagram's natural width: narrower, its text is too small to read
 WIDE = 800.0  # pixels: a wider diagram extends beyond the column of text
 BROAD = 1200.0  # pixels: a wider diagram is printed on its own page in landscape
+LONGEST_GRAPH = 1_000_000  # characters that are shown: a page holds each several times
 
 
 def number(value: float | None, *, signed: bool = False) -> Html:
@@ -149,8 +150,9 @@ def graph_file(file: Path, message: str) -> Html:
 def graph_text(text: str, file: Path, message: str, purpose: str) -> Html:
     """The text of a graph, with the command that runs it and what for."""
     again = element("code", f"runtime run {file}")
-    first = element("p", message, " ", again, purpose, class_="soft")
-    shown = element("pre", element("code", text.rstrip()))
+    whole = "" if len(text) <= LONGEST_GRAPH else f" Its first {LONGEST_GRAPH:,} characters:"
+    first = element("p", message, " ", again, purpose, whole, class_="soft")
+    shown = element("pre", element("code", text[:LONGEST_GRAPH].rstrip()))
     return join(first, scrolling(shown, "resolved graph", "source"))
 
 
