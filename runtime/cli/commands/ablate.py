@@ -18,6 +18,7 @@ from runtime.cli.commands.workers import (
     show_results,
     start_early,
 )
+from runtime.errors import SimulationError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
@@ -94,7 +95,8 @@ def run(options: Namespace) -> int:
         pictures = save_figures(done.folder, figures, options.figures)
         pictures += save_figures(done.folder, study_figures(plan, done.folder), ("pdf", "png"))
     show_results(options, done.to_dict(), f"{done.text()}\n", pictures)
-    return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0
+    has_failed = all(row.status != "ok" for rows in done.rows.values() for row in rows)
+    return SimulationError.exit_code if has_failed else 0
 
 
 def _tell_notes(done: AblationResult) -> None:

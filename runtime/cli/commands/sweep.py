@@ -16,6 +16,7 @@ from runtime.cli.commands.workers import (
     show_results,
     start_early,
 )
+from runtime.errors import SimulationError
 from runtime.terminal import tell
 
 HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
@@ -69,4 +70,4 @@ def run(options: Namespace) -> int:
         message = f"interrupted after {result.tally.done} of {plan.total} trials"
         tell(f"{message}; --resume continues {result.folder}")
         return 130
-    return 3 if result.tally.counts["ok"] == 0 else 0
+    return SimulationError.exit_code if result.tally.counts["ok"] == 0 else 0

@@ -16,7 +16,7 @@ from runtime.cli.commands.workers import (
     show_results,
     start_early,
 )
-from runtime.errors import UsageError
+from runtime.errors import SimulationError, UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def run(options: Namespace) -> int:
         pictures = save_figures(result.folder, figures, options.figures)
     show_results(options, stored, f"{summary(result)}\n", pictures)
     if not result.has_feasible:
-        return 3
+        return SimulationError.exit_code
     return _write(experiment, result, options.force) if options.write else 0
 
 
