@@ -11,7 +11,7 @@ from blocks.core import Block, SignalType
 from blocks.registry import Modules, is_built_in
 from runtime.document import Node, Override, without_unused
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
-from runtime.network import BlockCache, Edit, Network, build, closes_loop, update
+from runtime.network import BlockCache, Network, build
 from runtime.observation import Observation, observe
 
 if TYPE_CHECKING:
@@ -147,29 +147,6 @@ def examine(content: Content, loops: bool = False) -> Examination:
             CheckedGraph(network, observation).program(None, False)
         except GraphError as error:
             problems.items += error.problems
-    return Examination(problems.items, network, observation, missing)
-
-
-def examine_edit(
-    before: Examination, edit: Edit, block_cache: BlockCache | None
-) -> Examination | None:
-    """A graph in which nothing was wrong after an edit, as :func:`examine` finds it with loops.
-
-    None if what the edit touches cannot be told apart from the rest.
-    """
-    problems = Problems()
-    if before.network is None or before.problems or before.missing is not None:
-        return None
-    try:
-        result = update(before.network, edit, problems, block_cache)
-        if result is None:
-            return None
-        network, missing = result
-        observation = observe(network, problems, False)
-    except GraphError:
-        return None
-    if not problems.items and closes_loop(network, edit.near):
-        return None
     return Examination(problems.items, network, observation, missing)
 
 

@@ -31,10 +31,10 @@ class Completion:
 
 def complete(model: Model, offset: int) -> Completion:
     """What may be written at an offset."""
-    cursor = cursor_at(model.text, model.root_at(offset), offset)
+    cursor = cursor_at(model.text, model.root, offset)
     if cursor is None:
         return Completion((), Span(offset, offset))
-    other_keys = model.keys_beside(cursor.holder, cursor.item)
+    other_keys = {each.key for each in cursor.holder.items if each is not cursor.item}
     if cursor.role == "key":
         candidates = (offer for offer in keys_at(model, cursor) if offer.label not in other_keys)
         offers = [_as_key(offer, cursor) for offer in candidates]

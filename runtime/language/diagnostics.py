@@ -75,7 +75,7 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
 
 def span_at(model: Model, offset: int) -> Span:
     """The key or value that begins at an offset, or else the word there."""
-    item = deepest(model.root_at(offset), offset)
+    item = deepest(model.root, offset)
     source = model.text.source
     if item.key_start >= 0 and offset <= item.key_start:
         return item.key_span

@@ -30,18 +30,17 @@ from runtime.document import (
     decode,
     find_file,
     is_part,
+    parse_scalar,
     parse_yaml,
     read_file,
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import is_experiment
 from runtime.graph import Content, Examination, Graph, examine
-from runtime.language.cut import Cut, cut, cut_again
 from runtime.language.items import YamlItem, deepest
 from runtime.language.scan import scan
 from runtime.language.surroundings import Surroundings
 from runtime.language.text import SourceText
-from runtime.language.versions import Edited, Version, agrees, edited, repaired
 from runtime.network import Network
 from runtime.observation import Observation
 
@@ -150,56 +149,9 @@ class Model:
         except GraphError as error:
             return error.problems
 
-    @cached_property
-    def cut(self) -> Cut | None:
-        """The text in pieces; None if it is to be read as a whole."""
-        if self.refusal or self.change is not None:
-            return None
-        # The pieces of the text before are nearly all of those of this one.
-        pieces, before = self.surroundings.pieces, self.surroundings.pieces.get(self.path)
-        source = self.text.source
-        now = cut(source) if before is None else cut_again(source, before)
-        if now is None:
-            pieces.pop(self.path, None)
-        else:
-            pieces[self.path] = now
-        return now
-
-    @cached_property
-    def _edited(self) -> Edited | None:
-        """What is wrong after an edit of a version that was right; None to check everything."""
-        version = self.surroundings.versions.get(self.path)
-        if version is None or self.cut is None:
-            return None
-        with _no_collection():
-            return edited(version, self.cut, self.path, self.surroundings.reusable_blocks())
-
-    def _remember(self, examination: Examination) -> None:
-        """Keep a version without problems, from which the next ones are checked."""
-        if self.cut is None or self.kind != "graph" or self.syntax or examination.problems:
-            return
-        # What is compared of a text that was read as a whole holds for its edits.
-        if self._edited is not None or agrees(self.cut, examination, self.document):
-            self.surroundings.versions[self.path] = Version(self.cut, examination)
-
-    def root_at(self, offset: int) -> YamlItem:
-        """The tree of the entry at an offset, if the text is in pieces; else of everything."""
-        items = None if self.cut is None else self.cut.items_at(offset)
-        return self.root if items is None else items
-
-    def keys_beside(self, holder: YamlItem, item: YamlItem | None) -> set[str]:
-        """The keys of a mapping but for one of its entries, which ``root_at`` may have alone."""
-        is_cut = self.cut is not None and holder.parent is not None
-        is_cut = is_cut and holder.parent is not None and holder.parent.parent is None
-        if self.cut is None or not is_cut or holder.key not in self.cut.sections:
-            return {each.key for each in holder.items if each is not item}
-        return {*self.cut.keys(holder.key)} - {item.key if item is not None else ""}
-
     @property
     def syntax(self) -> list[Problem]:
         """Why the file cannot be read as YAML; empty if it can."""
-        if self._edited is not None:
-            return self._edited.syntax
         return self._strict if isinstance(self._strict, list) else []
 
     @cached_property
@@ -208,7 +160,7 @@ class Model:
         return (
             self._strict
             if isinstance(self._strict, Node)
-            else repaired(self.root, self.text, self.file)
+            else repair(self.root, self.text, self.file)
         )
 
     @property
@@ -225,8 +177,6 @@ class Model:
     @cached_property
     def kind(self) -> Kind:
         """What the file describes."""
-        if self._edited is not None:
-            return "graph"
         tree = self.tree
         names = {name for name, _ in tree.items()}
         if is_experiment(tree):
@@ -271,8 +221,6 @@ class Model:
     @cached_property
     def document(self) -> Node:
         """The graph with all that it extends; a part stands in a graph of its own."""
-        if self._edited is not None and self._edited.examination.network is not None:
-            return self._edited.examination.network.document
         document = self._loading[0]
         return self._wrap_part(document) if self.kind == "part" else document
 
@@ -309,9 +257,6 @@ class Model:
     @cached_property
     def checked_graph(self) -> Examination:
         """The checked graph, as far as that goes."""
-        if self._edited is not None:
-            self._remember(self._edited.examination)
-            return self._edited.examination
         if self.kind in ("experiment", "world"):
             return Examination(self._check_other())
         classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
@@ -323,9 +268,7 @@ class Model:
             block_cache=self.surroundings.reusable_blocks(),
         )
         with _no_collection():
-            examination = examine(content, loops=True)
-            self._remember(examination)
-        return examination
+            return examine(content, loops=True)
 
     def _check_other(self) -> list[Problem]:
         if self.kind == "world":
@@ -382,8 +325,7 @@ class Model:
         if self.syntax:
             return self.syntax
         # Where "extends" failed, half a graph would be checked, and every wire would be an error.
-        whole = self._edited is None and self.kind not in ("experiment", "world")
-        loading = self._loading[1] if whole else []
+        loading = [] if self.kind in ("experiment", "world") else self._loading[1]
         problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
         if self.kind == "part":
             # A block may fail for want of what only the graph around a part gives.
@@ -419,3 +361,28 @@ def _needs_base(problem: Problem) -> bool:
     # By the wording, as in ``actions``: which of the checks' messages depend on the graph below is
     # a matter of overlays alone, and is not worth a field in every problem.
     return any(phrase in problem.text for phrase in phrases)
+
+
+# Completion needs the types of a graph that does not parse. So what was scanned goes to the
+# same loader and checks, as if the rest had been written:
+#     wires: {sum: {terms: [a.out,      becomes     {"wires": {"sum": {"terms": ["a.out"]}}}
+# A key without a colon is left out: as an entry with the value null it would delete what
+# "extends" brings. Of two equal keys the first counts; the second is probably being renamed.
+def repair(item: YamlItem, text: SourceText, file: str) -> Node:
+    """What was scanned, as the loader would have read it."""
+    where = text.where(item.start, file)
+    key = where if item.key_start < 0 else text.where(item.key_start, file)
+    if item.kind == "map":
+        entries: dict[str, Node] = {}
+        for inner in item.items:
+            if inner.colon >= 0 or inner.kind != "empty":
+                entries.setdefault(inner.key, repair(inner, text, file))
+        return Node(entries, where, key)
+    if item.kind == "list":
+        return Node([repair(inner, text, file) for inner in item.items], where, key)
+    if item.kind == "empty" or item.quoted:
+        return Node(item.value if item.quoted else None, where, key)
+    try:
+        return Node(parse_scalar(item.value), where, key)
+    except ValueError:
+        return Node(0, where, key)

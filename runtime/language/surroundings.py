@@ -20,8 +20,6 @@ from blocks.registry import Modules
 from runtime.document import Node, complete_document, find_file, parse_yaml
 from runtime.errors import NOWHERE, GraphError, MissingExtraError, Problem, Where
 from runtime.graph import Graph
-from runtime.language.cut import Cut
-from runtime.language.versions import Version
 
 MAX_BLOCKS = 50_000
 MAX_BASELINES = 8
@@ -40,7 +38,6 @@ class Surroundings:
     modules : whether, or how, Python files that graphs name are read.
     block_cache : blocks of earlier versions, by type and parameters.
     longest : characters of a file that is read; None for any number.
-    versions : the last version of each file that had no problems. pieces : of its last text.
     baselines : graphs that experiments name, as they were read last.
     """
 
@@ -48,8 +45,6 @@ class Surroundings:
     modules: Modules = False
     block_cache: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
     longest: int | None = None
-    versions: dict[Path, Version] = field(default_factory=dict, compare=False)
-    pieces: dict[Path, Cut] = field(default_factory=dict, compare=False)
     baselines: dict[Path, Graph] = field(default_factory=dict, compare=False)
 
     def refusal(self, source: str) -> str:
@@ -73,11 +68,6 @@ class Surroundings:
         if len(self.block_cache) > MAX_BLOCKS:
             self.block_cache.clear()
         return self.block_cache
-
-    def forget(self, path: Path) -> None:
-        """Drop what was found of earlier versions of a file."""
-        self.versions.pop(path, None)
-        self.pieces.pop(path, None)
 
     def complete(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
         """A document with all that it extends and its parts, and what is wrong with those."""

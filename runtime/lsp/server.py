@@ -23,7 +23,10 @@ from runtime.lsp.session import Session
 
 STDOUT, STDERR = 1, 2
 PATIENCE = 0.3  # how long a request waits for the import of a user's file, s
-PAUSE = 0.02  # how long to wait for more edits before a document is checked, s
+# How long to wait for more edits before a document is checked, s; a graph of many blocks takes more
+# than 50 ms to check, so that is done once the typing pauses.
+PAUSE, LONG_PAUSE = 0.02, 0.25
+MANY_BLOCKS = 300
 
 
 def _is_news(record: logging.LogRecord) -> bool:
@@ -40,6 +43,7 @@ class _Checks:
         self.converter = Converter(session)
         self.timer: asyncio.TimerHandle | None = None
         self.first = ""
+        self.pause = PAUSE
 
     def ask(self, uri: str = "") -> None:
         """Check all open documents soon, one of them first."""
@@ -47,12 +51,14 @@ class _Checks:
         self.first = uri or self.first
         if self.timer is not None:
             self.timer.cancel()
-        self.timer = asyncio.get_running_loop().call_later(PAUSE, self.run)
+        self.timer = asyncio.get_running_loop().call_later(self.pause, self.run)
 
     def run(self) -> None:
         self.timer = None
         for uri in sorted(self.session.open, key=lambda uri: uri != self.first):
             self.publish(uri)
+        is_long = any(count > MANY_BLOCKS for count in self.session.block_counts())
+        self.pause = LONG_PAUSE if is_long else PAUSE
 
     def publish(self, uri: str) -> None:
         model = self.session.model(uri)

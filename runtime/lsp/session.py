@@ -75,10 +75,14 @@ class Session:
                 self._models[uri] = known
         return known[1]
 
+    def block_counts(self) -> list[int]:
+        """How many blocks each of the open graphs has."""
+        networks = [model.network for _, model in self._models.values() if model.is_ours]
+        return [len(network.entries) for network in networks if network is not None]
+
     def closed(self, uri: str) -> None:
         """Forget a document that was closed."""
         self._models.pop(uri, None)
-        self._earlier.forget(path_of(uri))
         self.changed()
 
     def place(self, uri: str, line: int, character: int) -> tuple[Model, int]:

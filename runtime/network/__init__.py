@@ -10,7 +10,7 @@ room for each step, in this order:
     inference     signal types and lengths along the wires    (shapes)
     units         units that contradict each other            open_inputs: what lacks a wire
     enabling      parts that are switched                     initial: states of earlier runs
-    contexts      each block's check of its place             update: all of it for an edit of a few
+    contexts      each block's check of its place
 """
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
@@ -37,4 +37,3 @@ from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
 from runtime.network.scope import Scope
 from runtime.network.shapes import MAX_BYTES, whole_shape
-from runtime.network.update import Edit, closes_loop, near_to, update

@@ -94,7 +94,7 @@ def build(
     # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
     kinds = {**(kinds or {}), **written_types(document, problems)}
-    network = construct_blocks(network, classes or {}, kinds, problems, modules, block_cache)
+    network = _construct_blocks(network, classes or {}, kinds, problems, modules, block_cache)
     wiring = Wiring(network, problems)
     network = replace(
         network,
@@ -106,7 +106,7 @@ def build(
     network = remove(network, problems)
     types, lengths = infer_types(network, problems)
     network = replace(network, types=types, lengths=lengths)
-    network, extra = judge(network, wiring, problems, can_run)
+    network, extra = _check(network, wiring, problems, can_run)
     network = with_ports(network, problems)
     if not problems.items:
         initial, notes = read_initial(network, problems)
@@ -114,7 +114,7 @@ def build(
     return network, extra
 
 
-def judge(
+def _check(
     network: Network, wiring: Wiring, problems: Problems, can_run: bool
 ) -> tuple[Network, MissingExtraError | None]:
     """The network with its notes and units, once its types are known; reports what is wrong.
@@ -201,7 +201,7 @@ class _Definition:
         return self.scope.path_of(self.name)
 
 
-def construct_blocks(
+def _construct_blocks(
     network: Network,
     classes: Mapping[str, type[Block]],
     kinds: Mapping[str, SignalType],

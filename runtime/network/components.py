@@ -96,20 +96,18 @@ def unknown_component(kind: SignalType, end: Endpoint) -> str:
 
 
 def pass_misses(
-    types: dict[Port, SignalType],
-    known: dict[Port, SignalType],
-    reading: Sequence[tuple[Port, Sequence[Port]]],
+    types: dict[Port, SignalType], reading: Sequence[tuple[Port, Sequence[Port]]]
 ) -> None:
     """Let what is computed of a signal with misses be infinite, as the largest range of a scan.
 
-    types : of outputs, changed in place. known : these and those of other blocks.
+    types : of outputs, changed in place.
     reading : a source, and the outputs that are computed of it.
     """
-    passed = bool(reading) and not all(kind.finite for kind in known.values())
+    passed = bool(reading) and not all(kind.finite for kind in types.values())
     while passed:
         passed = False
         for source, outputs in reading:
-            for port in outputs if source in known and not known[source].finite else ():
+            for port in outputs if source in types and not types[source].finite else ():
                 if port in types and types[port].finite:
-                    known[port] = types[port] = replace(types[port], finite=False)
+                    types[port] = replace(types[port], finite=False)
                     passed = True

@@ -60,7 +60,7 @@ def check_contexts(network: Network, problems: Problems) -> MissingPackageError 
     """
     missing: MissingPackageError | None = None
     incomplete = _incomplete(network)
-    for name, entry in network.judged:
+    for name, entry in network.entries.items():
         if (
             entry.block_or_none is None
             or not network.is_typed(name)
@@ -98,7 +98,7 @@ def _incomplete(network: Network) -> set[str]:
     }
     untyped = {
         wire.block
-        for wire in network.judged_wires
+        for wire in network.wires
         if (wire.source.block, wire.source.port) not in network.types
     }
     return untyped | {block for block, _, _ in lost - removed}

@@ -28,7 +28,7 @@ def edge_notes(network: Network) -> list[str]:
     """The sources whose pulses are shorter than a tick, in a graph that sees ticks alone."""
     is_continuous = any(entry.cls.spec.continuous for entry in network.entries.values())
     notes = []
-    for name, entry in network.judged:
+    for name, entry in network.entries.items():
         if (
             entry.block_or_none is None
             or not entry.block.stepwise

@@ -73,4 +73,4 @@ def check_enabling(network: Network, problems: Problems) -> None:
 
 
 def _enables(network: Network) -> Iterator[NetworkEntry]:
-    return (each for _, each in network.judged if issubclass(each.cls, PartEnable))
+    return (each for each in network.entries.values() if issubclass(each.cls, PartEnable))

@@ -12,7 +12,6 @@ A type variable or length is bound once and never changed, so the propagation en
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType, Vector
@@ -37,29 +36,17 @@ MOST_FITTING = 4  # outputs that an error message names
 
 
 def infer_types(
-    network: Network,
-    problems: Problems,
-    wires: Sequence[Wire] | None = None,
-    open_names: Iterable[str] | None = None,
-    known: Iterable[str] = (),
+    network: Network, problems: Problems
 ) -> tuple[dict[tuple[str, str], SignalType], dict[str, dict[str, int]]]:
     """The types of ports, and each block's lengths by symbol, as far as blocks and wires determine
     them; reports contradictions.
-
-    Parameters
-    ----------
-    wires : those that are looked at; default all.
-    open_names : the blocks whose types are inferred; default all. known : those at the other ends
-        of the wires, whose types and lengths are the network's.
     """
-    names = network.entries if open_names is None else open_names
     bindings = {
         name: _Bindings(dict(entry.block.variables), dict(entry.block.sizes()))
-        for name in names
-        if (entry := network.entries[name]).block_or_none is not None
+        for name, entry in network.entries.items()
+        if entry.block_or_none is not None
     }
-    bindings |= {name: _known(network, name) for name in known}
-    inference = _Inference(network, bindings, problems, network.wires if wires is None else wires)
+    inference = _Inference(network, bindings, problems)
     inference.infer()
     inference.report()
     types = {}
@@ -74,25 +61,13 @@ def infer_types(
         for wire in inference.wires
         if (cls := network.entries[wire.block].cls).passes_misses
     ]
-    pass_misses(types, {**network.types, **types}, reading)
+    pass_misses(types, reading)
     return types, {name: block.lengths for name, block in bindings.items()}
-
-
-def _known(network: Network, name: str) -> _Bindings:
-    """What was inferred of a block before."""
-    block = network.entries[name].block
-    port_types = {port: block.port_type(port) for port in block.spec.ports}
-    types = {
-        declared.variable: network.types[name, port]
-        for port, declared in port_types.items()
-        if isinstance(declared, Same) and (name, port) in network.types
-    }
-    return _Bindings(types, dict(network.lengths.get(name, {})))
 
 
 def report_open(network: Network, problems: Problems) -> None:
     """Report ports whose type is not determined, block by block."""
-    for name, entry in network.judged:
+    for name, entry in network.entries.items():
         spec = entry.cls.spec
         ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
         if ports and not network.waits(name):
@@ -152,20 +127,15 @@ class _Inference:
     """Propagates types along the wires until nothing changes."""
 
     def __init__(
-        self,
-        network: Network,
-        bindings: dict[str, _Bindings],
-        problems: Problems,
-        wires: Sequence[Wire],
+        self, network: Network, bindings: dict[str, _Bindings], problems: Problems
     ) -> None:
         self.network = network
-        self.all_wires = wires
         self.bindings = bindings
         self.problems = problems
         self.outer = {wire.target: wire for wire in network.part_wires}
         self.wires = [
             wire
-            for wire in wires
+            for wire in network.wires
             if wire.block in bindings and wire.source.block in bindings and self.has_component(wire)
         ]
         # Of each input that takes components of any signals: the wires that are not counted yet,
@@ -351,7 +321,7 @@ class _Inference:
 
     def report(self) -> None:
         """Report wires whose ends have different types, and components that do not exist."""
-        for wire in (*self.all_wires, *self.network.part_wires):
+        for wire in (*self.network.wires, *self.network.part_wires):
             if wire.source.block not in self.bindings:
                 continue
             source = _resolve(self.out(wire), self.bindings[wire.source.block])
@@ -404,11 +374,6 @@ class _Inference:
             message += "" if because else self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
 
-    def kind(self, name: str, port: str, declared: PortType) -> SignalType | None:
-        """The type of an output, of a block that is looked at or of another."""
-        block = self.bindings.get(name)
-        return self.network.types.get((name, port)) if block is None else _resolve(declared, block)
-
     def fitting(self, wire: Wire, target: SignalType) -> str:
         """The outputs beside a block that have the type of its input, if the type is a rare one."""
         scope = wire.block.rpartition(".")[0]
@@ -417,7 +382,9 @@ class _Inference:
             for name, entry in self.network.entries.items()
             if name != wire.block and name.rpartition(".")[0] == scope
             for key, port in entry.cls.spec.outputs.items()
-            if (kind := self.kind(name, key, port.type)) is not None and kind.name == target.name
+            if name in self.bindings
+            and (kind := _resolve(port.type, self.bindings[name])) is not None
+            and kind.name == target.name
         ]
         is_rare = target.name not in ("Scalar", "Vector") and len(names) <= MOST_FITTING
         return f"; outputs of that type: {', '.join(names)}" if names and is_rare else ""

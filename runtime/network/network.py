@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -160,7 +160,6 @@ class Network:
     bypass_sources : output of a bypassed block to what is wired to the input it passes through.
     units : (block, type variable) to the unit that it passes on, where one is known.
     inputs, outputs : the ports of the graph itself.
-    only : the blocks that are judged, where all others were found right before; None for all.
     """
 
     title: str
@@ -197,21 +196,6 @@ class Network:
     units: Mapping[Port, str] = field(default_factory=dict)
     inputs: Mapping[str, PortDeclaration] = field(default_factory=dict)
     outputs: Mapping[str, PortDeclaration] = field(default_factory=dict)
-    only: tuple[str, ...] | None = None
-
-    @property
-    def judged(self) -> Iterable[tuple[str, NetworkEntry]]:
-        """The blocks that are checked."""
-        if self.only is None:
-            return self.entries.items()
-        return ((name, self.entries[name]) for name in self.only)
-
-    @property
-    def judged_wires(self) -> Iterable[Wire]:
-        """The wires into blocks that are checked."""
-        if self.only is None:
-            return self.wires
-        return (wire for name in self.only for wire in self.into.get(name, ()))
 
     @property
     def ticks(self) -> int:

@@ -66,7 +66,7 @@ def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> 
 def open_notes(network: Network) -> list[str]:
     """A note for each block that moves though nothing is wired to it: a plant without a command."""
     notes = []
-    for name, entry in network.judged:
+    for name, entry in network.entries.items():
         spec = entry.cls.spec
         open_ = {key: port for key, port in spec.inputs.items() if port.default is not None}
         if network.into.get(name) or not open_ or not (spec.update or spec.derivative):
@@ -77,8 +77,8 @@ def open_notes(network: Network) -> list[str]:
 
 
 def _of_blocks(network: Network) -> Iterator[_Open]:
-    wired = {(wire.block, wire.port) for wire in network.judged_wires}
-    for _, entry in network.judged:
+    wired = {(wire.block, wire.port) for wire in network.wires}
+    for entry in network.entries.values():
         for name, port in entry.cls.spec.inputs.items():
             if not port.optional and (entry.name, name) not in wired:
                 kind = network.types.get((entry.name, name), port.type)

@@ -18,7 +18,7 @@ def rate_notes(network: Network) -> list[str]:
     """What blocks find wrong with their place in a graph that is right."""
     told = [
         (name, entry.block)
-        for name, entry in network.judged
+        for name, entry in network.entries.items()
         if entry.block_or_none is not None and entry.cls.notes is not Block.notes
     ]
     if not told:

@@ -41,10 +41,9 @@ class _Units:
         self.network = network
         self.problems = problems
         self.joined: dict[tuple[str, str], list[Wire]] = defaultdict(list)
-        # Those of blocks that are not judged are known.
-        self.units: dict[Port, str] = dict(network.units)
+        self.units: dict[Port, str] = {}
         following: dict[str, list[tuple[tuple[str, str], Wire]]] = defaultdict(list)
-        for wire in network.judged_wires:
+        for wire in network.wires:
             port_type = self.port(wire).type
             if isinstance(port_type, Same) and not port_type.own_unit:
                 key = (wire.block, port_type.variable)
@@ -77,7 +76,7 @@ class _Units:
 
     def notes(self) -> list[str]:
         notes = []
-        for wire in self.network.judged_wires:
+        for wire in self.network.wires:
             expected, unit = self.port(wire).unit, self.of(wire.source)
             if differ(unit, expected):
                 message = f"expected {expected}, got {unit} from '{wire.source_text}'{INTENDED}"
