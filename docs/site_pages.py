@@ -23,6 +23,7 @@ from cards import GROUPS, Entry, card, entry, grid, thumbnail
 from pictures import IMAGES, PICTURES, Picture, of_run
 
 import runtime
+from runtime.arguments import RARE
 from runtime.cli import make_parser
 from runtime.cli.commands import VERBS
 from runtime.cli.commands.help import change_help
@@ -82,12 +83,13 @@ def command_line() -> str:
     os.environ["COLUMNS"] = COLUMNS
     parser = make_parser()
     (verbs,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    lines = ["# Command line", "", "What `runtime VERB --help` prints. `runtime --help`:", ""]
+    lines = ["# Command line", "", "What `runtime VERB --help-all` prints. `runtime --help`:", ""]
     lines += ["```text", parser.format_help().rstrip(), "```", ""]
     changes = change_help()
     lines += ["## Options that change a graph", "", "```text", changes, "```", ""]
     for name in VERBS.names():
         lines += [f"## runtime {name}", "", "```text"]
+        verbs.choices[name].explains = (RARE,)
         lines += [verbs.choices[name].format_help().rstrip(), "```", ""]
     return "\n".join(lines)
 

@@ -8,7 +8,7 @@ chosen(FORMATS, "svgg", "diagram format")       # no diagram format 'svgg', did 
 from __future__ import annotations
 
 import math
-from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace
+from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from blocks.extensions import Registry
 
 T = TypeVar("T")
+RARE = "rare options"
 
 
 class Once(Action):
@@ -33,9 +34,15 @@ class Once(Action):
         setattr(namespace, self.dest, value)
 
 
+def rare(parser: ArgumentParser) -> _ArgumentGroup:
+    """The group of a verb's options that its help only names; ``--help-all`` explains them."""
+    found = [group for group in parser._action_groups if group.title == RARE]
+    return found[0] if found else parser.add_argument_group(RARE)
+
+
 def add_no_modules(parser: ArgumentParser) -> None:
     """``--no-modules``: nothing that a graph names is executed."""
-    parser.add_argument(
+    rare(parser).add_argument(
         "--no-modules",
         action="store_true",
         help="execute nothing that the graph names: Python files, FMUs; what needs one is an error",

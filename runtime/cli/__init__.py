@@ -21,7 +21,7 @@ from types import FrameType
 from typing import NoReturn, TextIO
 
 from blocks.extensions import BrokenPackageError
-from runtime.cli.commands import VERBS, Verb
+from runtime.cli.commands import VERBS, Verb, groups_of
 from runtime.cli.parser import Parser, examples
 from runtime.cli.problems import report
 from runtime.errors import ROOT, SpikeblocksError, UsageError, one_line, raised_text, text_of
@@ -47,7 +47,10 @@ def make_parser(verbs: Mapping[str, Verb] | None = None) -> argparse.ArgumentPar
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
 
-    for name, verb in (_usable() if verbs is None else verbs).items():
+    if verbs is None:
+        verbs = _usable()
+        parser.verb_groups = groups_of(verbs)
+    for name, verb in verbs.items():
         told = str(verb.HELP).replace("%", "%%")
         about = f"{told[:1].upper()}{told[1:].rstrip('.')}.\n\n{getattr(verb, 'ABOUT', '').strip()}"
         shown = examples(getattr(verb, "EXAMPLES", ""))

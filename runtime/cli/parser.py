@@ -1,8 +1,11 @@
 """The parser of a command line: its usage errors, and its help.
 
 In: a verb's description, options and examples. Out: help that begins with what the verb does and
-ends with examples; the options that change a graph are named there, and explained once, by
-``runtime help changes``.
+ends with examples; the options that change a graph and the rare ones are named there, and explained
+by ``--help-all``::
+
+    rare options:
+      --checkpoint, --profile: 'runtime run --help-all'
 """
 
 from __future__ import annotations
@@ -11,10 +14,11 @@ import argparse
 import re
 import sys
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
+from runtime.arguments import RARE
 from runtime.terminal import printable
 
 CHANGES = "changes to the graph"
@@ -31,21 +35,37 @@ class _Help(argparse.RawDescriptionHelpFormatter):
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         room = {"initial_indent": indent, "subsequent_indent": indent, "break_on_hyphens": False}
         return "\n\n".join(
-            each if "\n  " in each else textwrap.fill(each, width, **room)  # type: ignore[arg-type]
+            textwrap.indent(each, indent)
+            if "\n" in each and (indent or "\n  " in each)
+            else textwrap.fill(each, width, **room)  # type: ignore[arg-type]
             for each in text.split("\n\n")
         )
+
+
+class _HelpAll(argparse.Action):
+    """``--help-all``: print the help with every option explained, and exit."""
+
+    def __call__(self, parser, namespace, values, option_string=None):  # type: ignore[no-untyped-def]
+        parser.explains = (CHANGES, RARE)
+        parser.print_help()
+        parser.exit()
 
 
 class Parser(argparse.ArgumentParser):
     """Reports a usage error in one line, with exit code 2.
 
-    explains : whether its help explains the options that change a graph; else it names them.
+    verb_groups : titles of the groups of its verbs, and the names of the verbs in each.
+    explains : of the two groups CHANGES and RARE, those whose options its help explains; it names
+        those of the others.
     """
 
-    explains = False
+    explains: Sequence[str] = ()
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"formatter_class": _Help, **options})
+        self.verb_groups: Mapping[str, Sequence[str]] = {}
+        if self.add_help:
+            self.add_argument("--help-all", action=_HelpAll, nargs=0, help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
         """The help text, which begins with what the verb does."""
@@ -63,19 +83,37 @@ class Parser(argparse.ArgumentParser):
 
     @contextmanager
     def _brief(self) -> Iterator[None]:
-        """While it is open, the group of changes has no options, but a sentence that names them."""
+        """While it is open, changes and rare options are a sentence each, which names them, and
+        verbs stand in their groups."""
         actions, groups = self._actions, self._action_groups
-        found = [group for group in groups if group.title == CHANGES]
-        if found and not self.explains:
-            hidden = found[0]._group_actions
-            named = ", ".join(action.option_strings[0] for action in hidden)
-            short = argparse._ArgumentGroup(self, CHANGES, f"{named}: 'runtime help changes'")
-            self._actions = [action for action in actions if action not in hidden]
-            self._action_groups = [short if group is found[0] else group for group in groups]
+        self._action_groups = [brief for each in groups for brief in self._brief_group(each)]
+        hidden = [a for group in groups if self._names_only(group) for a in group._group_actions]
+        self._actions = [action for action in actions if action not in hidden]
         try:
             yield
         finally:
             self._actions, self._action_groups = actions, groups
+
+    def _brief_group(self, group: argparse._ArgumentGroup) -> list[argparse._ArgumentGroup]:
+        """What the help shows for a group: itself, the names of its options, or groups of verbs."""
+        if self._names_only(group):
+            named = ", ".join(action.option_strings[0] for action in group._group_actions)
+            where = "runtime help changes" if group.title == CHANGES else f"{self.prog} --help-all"
+            return [argparse._ArgumentGroup(self, group.title, f"{named}: '{where}'")]
+        if self.verb_groups and group is self._positionals:
+            lines = {verb.dest: f"{verb.dest:<11} {verb.help}" for verb in self._verbs()}
+            return [
+                argparse._ArgumentGroup(self, title, "\n".join(lines[name] for name in names))
+                for title, names in self.verb_groups.items()
+            ]
+        return [group]
+
+    def _names_only(self, group: argparse._ArgumentGroup) -> bool:
+        return group.title in (CHANGES, RARE) and group.title not in self.explains
+
+    def _verbs(self) -> list[argparse.Action]:
+        (verbs,) = (a for a in self._actions if isinstance(a, argparse._SubParsersAction))
+        return verbs._choices_actions
 
     def error(self, message: str) -> NoReturn:
         kinds = {"float": "a number", "int": "an integer"}

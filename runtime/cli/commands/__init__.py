@@ -11,6 +11,7 @@ blocks::
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from blocks.extensions import Registry
@@ -20,7 +21,8 @@ from blocks.extensions import Registry
 class Verb(Protocol):
     """The interface of a verb's module.
 
-    It may also have ABOUT, paragraphs after its first sentence, and EXAMPLES, commands one a line.
+    It may also have ABOUT, paragraphs after its first sentence, EXAMPLES, commands one a line, and
+    GROUP, the title of its group in ``runtime --help`` ("tools").
     """
 
     HELP: str
@@ -32,21 +34,39 @@ class Verb(Protocol):
         """Do the work; returns the exit code."""
 
 
-_HERE = (
-    *("new", "run", "resume", "replay", "validate", "draw", "explain", "linearize"),
-    *("blocks", "check", "graphs", "ablate", "sweep", "tune", "contest", "fit"),
-    *("compare", "report", "export", "clean", "plugins", "completion", "schema", "help"),
-)
+# The order of 'runtime --help': the six verbs of the first hour, then the others by what they do.
+GROUPS: dict[str, tuple[str, ...]] = {
+    "begin here": ("new", "run", "validate", "draw", "blocks", "ablate"),
+    "run": ("resume", "replay"),
+    "compare and report": ("compare", "report"),
+    "experiments": ("sweep", "tune", "contest", "fit"),
+    "analyse": ("explain", "linearize", "check"),
+    "export and import": ("export",),
+    "tools": ("graphs", "clean", "plugins", "completion", "schema", "help"),
+}
+OTHERS = "of installed packages"
 _VERB: Any = Verb
 VERBS: Registry[Verb] = Registry(
     "verbs",
     _VERB,
     "a module with HELP, add and run",
     lazy={
-        **{name: f"{__name__}.{name}" for name in _HERE},
+        **{name: f"{__name__}.{name}" for names in GROUPS.values() for name in names},
         # Rooms that can be removed bring their own.
         "render": "runtime.rendering",
         "lsp": "runtime.lsp",
         "import": "runtime.nengo",
     },
 )
+
+
+def groups_of(verbs: Mapping[str, Verb]) -> dict[str, list[str]]:
+    """The names of verbs by the titles of their groups; of a package's verb, the one it names."""
+    groups: dict[str, list[str]] = {
+        title: [name for name in names if name in verbs] for title, names in GROUPS.items()
+    }
+    known = {name for names in groups.values() for name in names}
+    for name, verb in verbs.items():
+        if name not in known:
+            groups.setdefault(str(getattr(verb, "GROUP", OTHERS)), []).append(name)
+    return groups

@@ -24,7 +24,7 @@ from runtime.terminal import tell
 if TYPE_CHECKING:
     from runtime.experiments import AblationResult
 
-HELP = "compare a baseline and variants on the same seeds, in a table and a figure"
+HELP = "compare a baseline and variants on the same seeds"
 ABOUT = """
 --without, --bypass and --replace each begin a variant; other changes belong to the variant that
 they follow. Changes before the first variant apply to the baseline and to all variants. --variant

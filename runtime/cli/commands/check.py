@@ -13,7 +13,7 @@ from runtime.terminal import show, show_json
 if TYPE_CHECKING:
     from blocks.core import Block
 
-HELP = "check the blocks of a Python file against the rules, and say what compiles"
+HELP = "check the blocks of a Python file, and say what compiles"
 EXAMPLES = """
 runtime check my.py
 runtime check my.py Backlash --set width=0.2

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.errors import MissingExtraError
 
-HELP = "print a script that completes commands and options in your shell"
+HELP = "print a script that completes commands in your shell"
 SHELLS = ("bash", "zsh", "tcsh")
 EXAMPLES = """
 runtime completion bash > ~/.local/share/bash-completion/completions/runtime

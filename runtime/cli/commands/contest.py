@@ -15,7 +15,7 @@ from runtime.cli.commands.workers import (
 )
 from runtime.terminal import tell
 
-HELP = "tune contestants with equal budgets, and compare them on held-out runs (extra tune)"
+HELP = "tune contestants with equal budgets; compare on held-out runs"
 ABOUT = """
 Each contestant of the file is tuned with the same number of runs on the same training runs, and
 what wins there is run on the same held-out runs, which give one paired table and figure.

@@ -10,7 +10,7 @@ from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
-HELP = "write a graph, or some of its blocks, as C, as a page that simulates, as an FMU"
+HELP = "write a graph or some of its blocks as C, an FMU or a live page"
 EXAMPLES = """
 runtime export my.yaml c --block lqr
 runtime export my.yaml c --except plant --float32

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from runtime.fitting import Fit
     from runtime.graph import Graph
 
-HELP = "find numbers of a graph that reproduce recorded data, by least squares"
+HELP = "find numbers of a graph that reproduce recorded data"
 ABOUT = """
 Runs the graph again and again, until its signals are as close as possible to columns of a file: by
 least squares, within the ranges that --vary gives. Prints each number with its 95 % interval, and

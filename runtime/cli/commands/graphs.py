@@ -12,7 +12,7 @@ from runtime.arguments import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table
 
-HELP = "list the shipped graphs, starters, worlds, conditions and experiments"
+HELP = "list the shipped graphs, starters, worlds, experiments"
 EXAMPLES = """
 runtime graphs worlds
 runtime graphs --search pendulum

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from runtime.errors import UsageError
 from runtime.terminal import show
 
-HELP = "show the help of a command, or the options that change a graph"
+HELP = "show the help of a command, or of options that change a graph"
 EXAMPLES = """
 runtime help run
 runtime help changes
@@ -51,7 +51,7 @@ def run(options: Namespace) -> int:
 def change_help() -> str:
     """The help of the options that change a graph."""
     from runtime.cli.commands.changes import add_changes
-    from runtime.cli.parser import Parser, examples
+    from runtime.cli.parser import CHANGES, Parser, examples
 
     parser = Parser(
         prog="runtime VERB",
@@ -60,6 +60,6 @@ def change_help() -> str:
         epilog=examples(OF_CHANGES),
         add_help=False,
     )
-    parser.explains = True
+    parser.explains = (CHANGES,)
     add_changes(parser)
     return parser.format_help().rstrip()

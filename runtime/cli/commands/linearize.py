@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from runtime.graph import Graph
     from runtime.runs import Linearization
 
-HELP = "linearize at an operating point: A, B, C, D, poles, margins, step response, equilibria"
+HELP = "linearize at an operating point: matrices, poles, margins, steps"
 ABOUT = """
 The graph as a linear system, for small deviations from an operating point: in continuous time, or,
 with sampled blocks in the loop, exactly as the loop is at their common period (poles in the z

@@ -13,7 +13,7 @@ from runtime.terminal import show, table
 if TYPE_CHECKING:
     from runtime.cli.shipped import Shipped
 
-HELP = "begin a graph with a commented starter, or a package of blocks of your own"
+HELP = "begin a graph with a commented starter, or a package of blocks"
 EXAMPLES = """
 runtime new my.yaml
 runtime new my.yaml --from gallery/cart_pole_push

@@ -12,7 +12,7 @@ from runtime.terminal import show, show_json, table, tell
 if TYPE_CHECKING:
     from blocks.extensions import Registry
 
-HELP = "list what installed packages offer: blocks, metrics, plots, verbs, ..."
+HELP = "list what installed packages offer: blocks, metrics, verbs, ..."
 EXAMPLES = """
 runtime plugins
 runtime plugins --json

@@ -10,7 +10,7 @@ from runtime.arguments import add_json
 from runtime.files import write_out
 from runtime.terminal import show, show_json
 
-HELP = "write one self-contained HTML file about a run, sweep, ablation, tuning or contest"
+HELP = "write an HTML file about a run, sweep, ablation, tuning, contest"
 EXAMPLES = """
 runtime report runs/adaptive_line/latest
 runtime report sweeps/adaptive_line -o sweep.html

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.arguments import Once, add_output, seconds, show_folder
+from runtime.arguments import Once, add_output, rare, seconds, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
 from runtime.cli.commands.simulating import add_real_time, pacing_of, saved, simulated
@@ -42,7 +42,7 @@ def add(parser: ArgumentParser) -> None:
         "without=adaptive, bypass=limit, replace=lqr=PathPID, with=conditions/lag, "
         "set=lqr.q=[1,1,1]",
     )
-    parser.add_argument(
+    rare(parser).add_argument(
         "--labels", default="", metavar="A,B", help="names of both runs in the pictures of --vs"
     )
     parser.add_argument(
@@ -50,7 +50,7 @@ def add(parser: ArgumentParser) -> None:
         action="store_true",
         help="run again whenever the graph is saved, with the last run in the same pictures",
     )
-    parser.add_argument(
+    rare(parser).add_argument(
         "--checkpoint",
         action=Once,
         type=seconds,
@@ -59,7 +59,7 @@ def add(parser: ArgumentParser) -> None:
         "'runtime resume' goes on after whatever ended it",
     )
     add_real_time(parser)
-    parser.add_argument("--profile", action="store_true", help="show the time per block")
+    rare(parser).add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
 
 

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.terminal import show_json
 
-HELP = "print a JSON Schema of graph files, for editors without the language server"
+HELP = "print a JSON Schema of graph files, for editors without 'lsp'"
 ABOUT = "The first line '# yaml-language-server: $schema=FILE' of a graph names the schema."
 EXAMPLES = """
 runtime schema > graph.schema.json

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.arguments import Once, at_least
+from runtime.arguments import Once, at_least, rare
 from runtime.errors import SimulationError, UsageError
 from runtime.terminal import tell
 
@@ -21,26 +21,27 @@ if TYPE_CHECKING:
 
 def add_real_time(parser: ArgumentParser) -> None:
     """Declare the options of a run in real time."""
-    parser.add_argument(
+    group = rare(parser)
+    group.add_argument(
         "--real-time",
         action="store_true",
         help="let every tick wait for the clock, and report how late ticks were",
     )
-    parser.add_argument(
+    group.add_argument(
         "--speed",
         action=Once,
         type=at_least(0.0, above=True),
         metavar="FACTOR",
         help="with --real-time: seconds of the graph in one of the clock (1)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--overrun",
         choices=("catch-up", "skip"),
         help="with --real-time, where ticks end after the next are due: run without waiting "
         "until the clock is reached (catch-up, the default), or leave out the due times that "
         "have passed, and stay behind (skip)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--priority",
         action="store_true",
         help="with --real-time: run under SCHED_FIFO, if the system has and allows it",

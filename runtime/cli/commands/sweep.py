@@ -19,7 +19,7 @@ from runtime.cli.commands.workers import (
 from runtime.errors import SimulationError
 from runtime.terminal import tell
 
-HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
+HELP = "vary parameters (grids or samples) and seeds, in parallel"
 EXAMPLES = """
 runtime sweep my.yaml --vary params.v_r=0.5..1.5:5 --seeds 0..9
 runtime sweep experiment.yaml -j 4 --resume

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from runtime.experiments import TuningResult
     from runtime.experiments.design import Experiment
 
-HELP = "find values that minimise metrics, and judge them on held-out runs (extra tune)"
+HELP = "find values that minimise metrics; judge them on held-out runs"
 ABOUT = """
 The values of the factors are found by an optimiser on the training runs: every condition with every
 training seed. The winners are then run on held-out seeds and conditions, beside the graph's own

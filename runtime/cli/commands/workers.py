@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.arguments import Once, add_output, at_least, integer, show_folder
+from runtime.arguments import Once, add_output, at_least, integer, rare, show_folder
 from runtime.arguments import seconds as clock
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import UsageError
@@ -53,7 +53,7 @@ def add_experiment(
         "--resume", action="store_true", help=f"continue the {kind} in DIR/NAME, if it is there"
     )
     parser.add_argument("--seeds", metavar="SEEDS", help=f"0..9, 3, or 0,4,7..9 ({seeds})")
-    parser.add_argument(
+    rare(parser).add_argument(
         "--mixed",
         action="store_true",
         help="accept rows and workers of another version of the program: numbers may differ",
@@ -63,17 +63,17 @@ def add_experiment(
         "-j", "--jobs", type=jobs, metavar="N", help="worker processes (one per processor)"
     )
     seconds = at_least(0.0, above=True)
-    parser.add_argument(
+    rare(parser).add_argument(
         "--timeout", type=seconds, metavar="S", help="time limit of a trial, seconds"
     )
-    parser.add_argument(
+    rare(parser).add_argument(
         "--checkpoint",
         action=Once,
         type=clock,
         metavar="TIME",
         help="store the state of each running trial, as every 60s: --resume goes on from there",
     )
-    parser.add_argument(
+    rare(parser).add_argument(
         "--scheduler",
         metavar="ADDRESS",
         help="run the trials on a Dask cluster: tcp://host:8786",
@@ -84,7 +84,7 @@ def add_experiment(
 
 def add_again(parser: ArgumentParser) -> None:
     """Declare ``--again``, for experiments whose trials do not depend on each other."""
-    parser.add_argument(
+    rare(parser).add_argument(
         "--again",
         type=_statuses,
         metavar="STATUSES",

@@ -76,6 +76,39 @@ def test_options_that_change_a_graph_are_explained_once(
     assert run(["validate", "starters/adaptive", "--set", "run.until=3", "-q"]) == 0
 
 
+def test_the_help_begins_with_six_verbs_and_lists_each_once_in_its_group(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    text = make_parser().format_help()
+    groups = dict(re.findall(r"^([a-z ]+):\n((?:  \S.*\n)+)", text, re.MULTILINE))
+    verbs = {title: [line.split()[0] for line in own.splitlines()] for title, own in groups.items()}
+    assert verbs.pop("options") == ["-h,", "--version"]
+    assert set(verbs.pop("examples")) == {"runtime"}
+    first = next(iter(verbs))
+    assert verbs[first] == ["new", "run", "validate", "draw", "blocks", "ablate"]
+    listed = [name for names in verbs.values() for name in names]
+    assert sorted(listed) == sorted(VERBS.names())
+    assert len(set(listed)) == len(listed)
+
+
+def test_rare_options_are_named_and_explained_by_help_all(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    texts = []
+    for flag in ("--help", "--help-all"):
+        with pytest.raises(SystemExit) as ended:
+            run(["run", flag])
+        assert ended.value.code == 0
+        texts.append(" ".join(capsys.readouterr().out.split()))
+    short, whole = texts
+    assert "--profile, " in short and "'runtime run --help-all'" in short
+    assert "show the time per block" not in short and "show the time per block" in whole
+    assert "wire an input" not in short and "wire an input" in whole
+    assert run(["validate", "starters/adaptive", "--no-modules", "-q"]) == 0
+
+
 def test_a_command_without_a_verb_says_where_to_begin(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([]) == 2
     lines = capsys.readouterr().out.splitlines()
