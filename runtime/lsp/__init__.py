@@ -3,4 +3,4 @@
 A bridge: its door is the verb ``lsp``, and nothing but the table of verbs names it.
 """
 
-from runtime.lsp.verb import EXAMPLES, HELP, add, run
+from runtime.lsp.verb import EXAMPLES, GROUP, HELP, add, run

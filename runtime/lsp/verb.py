@@ -7,7 +7,8 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.errors import MissingExtraError, UsageError
 
-HELP = "the language server for editors: problems, completion, hover, rename while you type"
+HELP = "the language server: problems, completion, hover while you type"
+GROUP = "tools"
 EXAMPLES = """
 runtime lsp
 runtime lsp --tcp 7000

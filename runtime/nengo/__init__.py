@@ -6,11 +6,11 @@ A bridge: its doors are the verb ``import`` and ``spikeblocks.nengo``, and nothi
 from typing import TYPE_CHECKING
 
 from blocks.lazy import door
-from runtime.nengo.verb import EXAMPLES, HELP, add, run
+from runtime.nengo.verb import EXAMPLES, GROUP, HELP, add, run
 
 if TYPE_CHECKING:
     from runtime.nengo.simulator import Simulator
 else:
     __getattr__ = door(__name__)
 
-__all__ = ["EXAMPLES", "HELP", "Simulator", "add", "run"]
+__all__ = ["EXAMPLES", "GROUP", "HELP", "Simulator", "add", "run"]

@@ -10,6 +10,7 @@ from runtime.errors import MissingExtraError, UsageError
 from runtime.terminal import show, show_json, tell
 
 HELP = "write a model of Nengo as a graph with the same neurons"
+GROUP = "export and import"
 EXAMPLES = """
 runtime import nengo model.py -o my.yaml
 runtime import nengo model.py:network -o my.yaml --compare

@@ -3,4 +3,4 @@
 A bridge: its door is the verb ``render``, and nothing but the table of verbs names it.
 """
 
-from runtime.rendering.verb import EXAMPLES, HELP, add, run
+from runtime.rendering.verb import EXAMPLES, GROUP, HELP, add, run

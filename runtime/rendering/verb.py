@@ -10,6 +10,7 @@ from runtime.rendering.request import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
 
 HELP = "render a picture and a film of a run with physics"
+GROUP = "export and import"
 EXAMPLES = """
 runtime render runs/wall_following_mujoco/latest
 runtime render runs/wall_following_mujoco/latest --no-film --at 20

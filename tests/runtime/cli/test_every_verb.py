@@ -103,7 +103,7 @@ def test_rare_options_are_named_and_explained_by_help_all(
         assert ended.value.code == 0
         texts.append(" ".join(capsys.readouterr().out.split()))
     short, whole = texts
-    assert "--profile, " in short and "'runtime run --help-all'" in short
+    assert "--profile" in short and "'runtime run --help-all'" in short
     assert "show the time per block" not in short and "show the time per block" in whole
     assert "wire an input" not in short and "wire an input" in whole
     assert run(["validate", "starters/adaptive", "--no-modules", "-q"]) == 0
