@@ -5,7 +5,8 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 
 from runtime.arguments import Once, add_no_modules, add_output, seconds
-from runtime.cli.commands.run import finished
+from runtime.cli.commands.running import run_graph
+from runtime.cli.commands.showing import present
 from runtime.cli.commands.simulating import add_real_time
 from runtime.terminal import tell
 
@@ -53,4 +54,4 @@ def run(options: Namespace) -> int:
     options.out = options.out or str(root_of(found.folder, found.graph.title))
     if not (options.quiet or options.json):
         tell(f"going on with {found.folder}")
-    return finished(options, found.graph.check(), None, found.source).code
+    return present(run_graph(options, found.graph.check(), source=found.source), options)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import apply
-from runtime.cli.commands.simulating import saved, simulated
+from runtime.cli.commands.simulating import save_run, simulate_graph
 from runtime.errors import UsageError
 from runtime.terminal import tell
 
@@ -59,8 +59,8 @@ def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
     from runtime.runs import Draft, new_folder
 
     draft = Draft(new_folder(out, graph.title))
-    result, failure = simulated(graph, quiet, None, draft)
-    saved(result, draft)
+    result, failure = simulate_graph(graph, quiet, None, draft)
+    save_run(result, draft)
     if failure is not None:
         tell(f"the run that is compared with failed: {failure}")
     return result

@@ -66,7 +66,7 @@ def pacing_of(options: Namespace) -> Pacing | None:
     return None
 
 
-def simulated(
+def simulate_graph(
     graph: Graph,
     quiet: bool,
     profile: Profile | None,
@@ -108,7 +108,7 @@ def simulated(
         progress.close()
 
 
-def saved(result: Result, draft: Draft) -> Path:
+def save_run(result: Result, draft: Draft) -> Path:
     """Write the run folder; if that fails, write it to another place with enough room."""
     from runtime.runs import save_elsewhere
 
