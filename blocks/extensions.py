@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 D = TypeVar("D")
-PREFIX = "spikeblocks."
+OURS = "spikeblocks"  # the package whose offers are the library's own: its bridges
+PREFIX = f"{OURS}."
 
 
 class BrokenPackageError(ImportError):
@@ -50,6 +51,11 @@ class Offer:
 
     def __str__(self) -> str:
         return f"'{self.point.name}' of package {self.package}"
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the library offers it itself, as its bridges do."""
+        return self.package.partition(" ")[0] == OURS
 
 
 class Registry(dict[str, T]):
@@ -106,7 +112,7 @@ class Registry(dict[str, T]):
             if value := self.lazy.get(name):
                 # Not as an entry point: importlib.metadata takes longer than most of our modules.
                 own = partial(_object, value)
-                self._loaded[name] = self._load(f"'{name}' of package spikeblocks: {value}", own)
+                self._loaded[name] = self._load(f"'{name}' of package {OURS}: {value}", own)
             elif offer := self.offers().get(name):
                 loaded = self._load(f"{offer}: {offer.point.value}", offer.point.load)
                 self._loaded[name] = loaded
@@ -152,6 +158,15 @@ class Registry(dict[str, T]):
             return str(error)
         return ""
 
+    def library(self) -> tuple[str, ...]:
+        """The names of the library's own entries, those of its bridges included."""
+        return (*self, *(name for name, offer in self.offers().items() if offer.is_ours))
+
+    def is_library(self, name: str) -> bool:
+        """Whether the entry of a name is the library's own."""
+        known = dict.__contains__(self, name) or name in self.lazy
+        return known or ((offer := self.offers().get(name)) is not None and offer.is_ours)
+
     def names(self, own: Iterable[str] | None = None) -> tuple[str, ...]:
         """All names, of the library's perhaps only some; nothing is imported."""
         return (*(self if own is None else own), *self.offers())
@@ -178,7 +193,7 @@ class Registry(dict[str, T]):
     def _lazy(self, name: str) -> Offer:
         from importlib.metadata import EntryPoint
 
-        return Offer("spikeblocks", EntryPoint(name, self.lazy[name], PREFIX + self.name))
+        return Offer(OURS, EntryPoint(name, self.lazy[name], PREFIX + self.name))
 
     def _every(self) -> Iterator[Offer]:
         """All offers, those included that another one or the library hides."""
@@ -188,10 +203,12 @@ class Registry(dict[str, T]):
         first: dict[str, str] = {}
         for package, point in _installed().points.get(PREFIX + self.name, ()):
             reason = ""
-            if dict.__contains__(self, point.name) or point.name in self.lazy:
+            owner = first.setdefault(point.name, package)
+            is_taken = dict.__contains__(self, point.name) or point.name in self.lazy
+            if is_taken or (owner != package and Offer(owner, point).is_ours):
                 reason = "the library has that name itself"
-            elif first.setdefault(point.name, package) != package:
-                reason = f"{first[point.name]} has that name, too"
+            elif owner != package:
+                reason = f"{owner} has that name, too"
             yield Offer(package, point, reason)
 
     def _load(self, what: str, load: Callable[[], Any]) -> T | BrokenPackageError:
@@ -228,7 +245,7 @@ def _installed() -> _Installed:
 
 @lru_cache(maxsize=1)
 def _offered_on(path: tuple[str, ...]) -> _Installed:
-    """Our entry points of all packages; the first of equally named ones, as Python imports it.
+    """Our entry points of all packages, the library's first; of equally named ones the first.
 
     ``importlib.metadata.entry_points`` would fail with the first package whose text is damaged.
     """
@@ -247,7 +264,8 @@ def _offered_on(path: tuple[str, ...]) -> _Installed:
         if ours and name not in seen:
             seen.add(name)
             for point in ours:
-                points.setdefault(point.group, []).append((_named(distribution), point))
+                of_group = points.setdefault(point.group, [])
+                of_group.insert(0 if name == OURS else len(of_group), (_named(distribution), point))
     return _Installed(points, unreadable)
 
 

@@ -21,7 +21,7 @@ EXCEPTIONS = {
     "runtime.experiments.processes.forkserver": "opens the current folder, and pipes",
     "runtime.plots.sharing": "a pipe",
     "runtime.language.module_worker": "standard streams",
-    "runtime.lsp.server": "standard streams",
+    "spikeblocks.lsp.server": "standard streams",
     "runtime.cli": "standard streams",
     "runtime.export": OWN,
     "runtime.export.fmu": "files of the package itself; a library that it has just built",

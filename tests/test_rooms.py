@@ -62,10 +62,11 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.gym", "runtime.lsp", "runtime.nengo", "runtime.rendering"),
+    ("runtime.gym", "runtime.nengo", "runtime.rendering"),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks", "spikeblocks.gym"),
+    ("spikeblocks.lsp",),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
@@ -75,7 +76,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 VERBS = "runtime.cli.commands"
 BRIDGES = {
     "runtime.gym": ("spikeblocks.gym",),
-    "runtime.lsp": (VERBS,),
+    "spikeblocks.lsp": (),
     "runtime.nengo": (VERBS, "spikeblocks.nengo"),
     "runtime.rendering": (VERBS,),
 }
@@ -240,9 +241,7 @@ print(codes, runtime.PACKAGE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("bridge", "verb"), [("lsp", "lsp"), ("nengo", "import"), ("rendering", "render")]
-)
+@pytest.mark.parametrize(("bridge", "verb"), [("nengo", "import"), ("rendering", "render")])
 def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
     for package in ("blocks", "runtime", "graphs"):
         shutil.copytree(ROOT / package, tmp_path / package)

@@ -52,9 +52,7 @@ VERBS: Registry[Verb] = Registry(
     "a module with HELP, add and run",
     lazy={
         **{name: f"{__name__}.{name}" for names in GROUPS.values() for name in names},
-        # Rooms that can be removed bring their own.
         "render": "runtime.rendering",
-        "lsp": "runtime.lsp",
         "import": "runtime.nengo",
     },
 )

@@ -81,7 +81,7 @@ def _every() -> tuple[list[dict[str, str]], list[str]]:
                 "module": offer.point.value,
             }
             for key, offer in entries.offers().items()
-            if key not in entries.lazy and not entries.why_broken(key)
+            if not offer.is_ours and not entries.why_broken(key)
         ]
     known = [f"{PREFIX}{name}" for name in REGISTRIES]
     for group in groups():

@@ -19,10 +19,10 @@ def test_every_verb_is_started_by_a_test() -> None:
     texts = [path.read_text(encoding="utf-8") for path in TESTS.rglob("test_*.py")]
     # As the first word of a command: cli("run", ...), run(["run", ...]), or of a document's.
     started = {word for text in texts for word in re.findall(r'[(\[]\s*"([a-z]+)"', text)}
-    assert sorted(VERBS.lazy.keys() - started) == [], "write a test that starts the new verb"
+    assert sorted(set(VERBS.library()) - started) == [], "write a test that starts the new verb"
 
 
-@pytest.mark.parametrize("name", VERBS.lazy)
+@pytest.mark.parametrize("name", VERBS.library())
 def test_every_option_is_explained(name: str) -> None:
     verb = VERBS[name]
     assert verb.HELP
@@ -33,7 +33,7 @@ def test_every_option_is_explained(name: str) -> None:
             assert action.help, f"runtime {name}: {action.option_strings or action.dest}"
 
 
-@pytest.mark.parametrize("name", VERBS.lazy)
+@pytest.mark.parametrize("name", VERBS.library())
 def test_help_begins_with_what_a_verb_does_and_ends_with_examples(name: str) -> None:
     verb = VERBS[name]
     text = parser_of(name).format_help()
@@ -43,7 +43,7 @@ def test_help_begins_with_what_a_verb_does_and_ends_with_examples(name: str) -> 
     assert all(line.startswith(f"  runtime {name}") for line in end)
 
 
-@pytest.mark.parametrize("name", VERBS.lazy)
+@pytest.mark.parametrize("name", VERBS.library())
 def test_examples_have_options_that_there_are(name: str) -> None:
     for line in VERBS[name].EXAMPLES.strip().splitlines():  # type: ignore[attr-defined]
         command = re.split(r"\s(?:>{1,2}|\|)\s|   ", line)[0]
@@ -51,7 +51,7 @@ def test_examples_have_options_that_there_are(name: str) -> None:
         assert made.command == name
 
 
-@pytest.mark.parametrize("name", VERBS.lazy)
+@pytest.mark.parametrize("name", VERBS.library())
 def test_help_is_no_wider_than_the_terminal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     text = parser_of(name).format_help().partition("\nexamples:\n")[0]
@@ -62,7 +62,7 @@ def test_options_that_change_a_graph_are_explained_once(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "100")
-    with_changes = [n for n in VERBS.lazy if "--wire" in parser_of(n)._option_string_actions]
+    with_changes = [n for n in VERBS.library() if "--wire" in parser_of(n)._option_string_actions]
     assert len(with_changes) >= 9
     for name in with_changes:
         text = " ".join(parser_of(name).format_help().split())

@@ -98,7 +98,7 @@ print(json.dumps(found))
 @pytest.mark.slow
 @pytest.mark.parametrize("system", ["macos", "windows"])
 def test_every_verb_runs_or_says_what_is_missing(system: str, tmp_path: Path) -> None:
-    assert {line.split()[0] for line in COMMANDS} == set(VERBS.lazy)
+    assert {line.split()[0] for line in COMMANDS} == set(VERBS.library())
     (tmp_path / "g.yaml").write_text(GRAPH)
     (tmp_path / "own.py").write_text(OWN)
     done = subprocess.run(

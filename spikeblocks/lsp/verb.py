@@ -36,7 +36,7 @@ def run(options: Namespace) -> int:
         import pygls.lsp.server  # noqa: F401
     except ImportError:
         raise MissingExtraError("the language server", "editor") from None
-    from runtime.lsp.server import serve_stdio, serve_tcp
+    from spikeblocks.lsp.server import serve_stdio, serve_tcp
 
     if address is None:
         serve_stdio(not options.no_modules)

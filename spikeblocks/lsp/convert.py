@@ -18,7 +18,7 @@ from runtime.language import (
     SourceText,
     Span,
 )
-from runtime.lsp.session import Session
+from spikeblocks.lsp.session import Session
 
 SEVERITIES = {
     "error": types.DiagnosticSeverity.Error,

@@ -16,10 +16,10 @@ from pygls.lsp.server import LanguageServer
 
 from runtime.errors import UsageError
 from runtime.language import Isolation, diagnose
-from runtime.lsp.commands import add_commands
-from runtime.lsp.convert import Converter
-from runtime.lsp.requests import add_requests
-from runtime.lsp.session import Session
+from spikeblocks.lsp.commands import add_commands
+from spikeblocks.lsp.convert import Converter
+from spikeblocks.lsp.requests import add_requests
+from spikeblocks.lsp.session import Session
 
 STDOUT, STDERR = 1, 2
 PATIENCE = 0.3  # how long a request waits for the import of a user's file, s

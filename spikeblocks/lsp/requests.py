@@ -26,9 +26,9 @@ from runtime.language import (
     rename_span,
     signature,
 )
-from runtime.lsp.commands import COMMANDS
-from runtime.lsp.convert import Converter, markdown
-from runtime.lsp.session import Session
+from spikeblocks.lsp.commands import COMMANDS
+from spikeblocks.lsp.convert import Converter, markdown
+from spikeblocks.lsp.session import Session
 
 TRIGGERS = [":", " ", ".", "$", "{", "[", ",", "/"]
 

@@ -17,7 +17,7 @@ from pygls.lsp.server import LanguageServer
 
 from runtime.errors import SpikeblocksError
 from runtime.files import write_whole
-from runtime.lsp.session import Session, path_of
+from spikeblocks.lsp.session import Session, path_of
 
 COMMANDS = {
     "run": "spikeblocks.run",
