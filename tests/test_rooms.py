@@ -62,11 +62,11 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.gym", "runtime.nengo", "runtime.rendering"),
+    ("runtime.nengo", "runtime.rendering"),
     ("runtime.cli",),
     ("runtime",),
-    ("spikeblocks", "spikeblocks.gym"),
-    ("spikeblocks.lsp",),
+    ("spikeblocks",),
+    ("spikeblocks.gym", "spikeblocks.lsp"),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
@@ -75,7 +75,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # verbs, and a public name, which fails with its message if the room is missing.
 VERBS = "runtime.cli.commands"
 BRIDGES = {
-    "runtime.gym": ("spikeblocks.gym",),
+    "spikeblocks.gym": (),
     "spikeblocks.lsp": (),
     "runtime.nengo": (VERBS, "spikeblocks.nengo"),
     "runtime.rendering": (VERBS,),

@@ -1,4 +1,4 @@
-"""Graphs as environments of Gymnasium (extra ``gym``): ``spikeblocks.gym``.
+"""Graphs as environments of Gymnasium (extra ``gym``).
 
 In: a graph with the sections ``inputs`` and ``outputs``. Out: an environment for one agent, which
 is a session that is stepped::
@@ -10,7 +10,8 @@ is a session that is stepped::
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
 ``gymnasium.make("spikeblocks.gym:spikeblocks/Graph-v0", graph=..., reward=...)`` and ``make_vec``
-give the same. A bridge: nothing but ``spikeblocks.gym`` names it.
+give the same. To delete it, remove this folder, tests/bridges/gym, the extra in pyproject.toml,
+docs/gym.md and examples/train_policy.py; nothing else names it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ try:
     import gymnasium
 except ImportError:
     raise MissingExtraError("an environment", "gym") from None
-from runtime.gym.environment import GraphEnv
+from spikeblocks.gym.environment import GraphEnv
 
 __all__ = ["GraphEnv", "make"]
 

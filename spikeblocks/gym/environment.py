@@ -16,8 +16,8 @@ import numpy as np
 
 from runtime.errors import UsageError
 from runtime.graph import Graph, load
-from runtime.gym.ports import Ports
 from runtime.sessions import Session
+from spikeblocks.gym.ports import Ports
 
 Changes = Mapping[str, Any]
 # A function of (observation, action, info).
