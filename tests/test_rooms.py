@@ -71,15 +71,9 @@ FLOORS: tuple[tuple[str, ...], ...] = (
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
-# Rooms that stand on doors and can be deleted, each with the modules that name it: the table of
-# verbs, and a public name, which fails with its message if the room is missing.
-VERBS = "runtime.cli.commands"
-BRIDGES = {
-    "spikeblocks.gym": (),
-    "spikeblocks.lsp": (),
-    "runtime.nengo": (VERBS, "spikeblocks.nengo"),
-    "runtime.rendering": (VERBS,),
-}
+# Packages that can be deleted with their lines in pyproject.toml: the rest names none of them.
+BRIDGES = {room for room in FLOOR if room.startswith("spikeblocks.")}
+OURS = ("blocks", "runtime", "spikeblocks")
 
 # Imports that go up or past a door, each with the reason: (importing module, imported) -> why.
 EXCEPTIONS = {
@@ -216,14 +210,18 @@ def test_imports_run_downwards_and_through_the_doors() -> None:
     assert [m for m in COMPUTED if m not in by_name] == [], "no longer an exception"
 
 
-def test_a_bridge_is_named_where_it_is_listed_only() -> None:
-    named = {
-        (m, room_of(target))
+def test_no_bridge_is_named_outside_of_its_folder() -> None:
+    folders = {f"spikeblocks.{path.parent.name}" for path in ROOT.glob("spikeblocks/*/__init__.py")}
+    assert folders == BRIDGES
+    named = [
+        f"{place(m, line)}: names {target}, which can be deleted"
         for m in modules()
-        for target, _ in imported(m)
-        if room_of(target) in BRIDGES and room_of(m) != room_of(target)
-    }
-    assert named == {(name, bridge) for bridge, names in BRIDGES.items() for name in names}
+        for target, line in imported(m)
+        if m.partition(".")[0] in OURS
+        and room_of(target) in BRIDGES
+        and room_of(m) != room_of(target)
+    ]
+    assert named == []
 
 
 DELETED = """import sys
