@@ -1,4 +1,4 @@
-"""Where the names of ``blocks`` are; written by ``python -m runtime.cli.describe``.
+"""Where the names of ``blocks`` are; written by ``python -m docs.describe``.
 
 In: the doors of the rooms. Out: types of blocks, and their other names, each with its module::
 

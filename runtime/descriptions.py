@@ -175,20 +175,6 @@ def describe_markdown(cls: type[Block]) -> str:
     return "\n".join(lines)
 
 
-def settings_markdown(known: Mapping[str, type[Block]]) -> str:
-    """What parameters of these blocks choose from: a table for each kind of setting."""
-    lines = []
-    for setting, users in settings(known).items():
-        places = ", ".join(f"`{user}`" for user in users)
-        lines += [f"## {setting.__name__}", "", f"For {places}: {setting.expected}.", ""]
-        lines += ["| form | parameters, with defaults | meaning |", "|---|---|---|"]
-        for form, given, _, doc in forms(setting):
-            cells = (f"`{form}`", f"`{given}`" if given else "", doc)
-            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        lines.append("")
-    return "\n".join(lines)
-
-
 # What Markdown would read as a mark in "K [along, lateral]", "s_i * x" or "<path>".
 MARKS = re.compile(r"([\\*_\[\]<>#~|$])")
 

@@ -21,8 +21,8 @@ import pytest
 import blocks
 import runtime
 from blocks.registry import blocks_of_module
-from runtime.cli.describe import blocks_pages, gallery_page, observing_page
-from runtime.cli.expressions_page import expressions_page
+from docs.describe import blocks_pages, gallery_page, observing_page
+from docs.expressions_page import expressions_page
 from runtime.cli.shipped import RUNNABLE, shipped
 from runtime.document import parse_yaml
 from tests.browser import find
@@ -39,13 +39,13 @@ ERRORS = re.search(r"```text\n(my\.yaml.*?)```", README, re.S)
 def test_the_blocks_page_is_current() -> None:
     for name, text in blocks_pages().items():
         page = (ROOT / "docs" / name).read_text(encoding="utf-8")
-        assert page == text, "run: python -m runtime.cli.describe"
+        assert page == text, "run: python -m docs.describe"
     page = (ROOT / "docs" / "observing.md").read_text(encoding="utf-8")
-    assert page == observing_page(), "run: python -m runtime.cli.describe"
+    assert page == observing_page(), "run: python -m docs.describe"
     page = (ROOT / "docs" / "expressions.md").read_text(encoding="utf-8")
-    assert page == expressions_page(), "run: python -m runtime.cli.describe"
+    assert page == expressions_page(), "run: python -m docs.describe"
     page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
-    assert page == gallery_page(), "run: python -m runtime.cli.describe"
+    assert page == gallery_page(), "run: python -m docs.describe"
 
 
 @pytest.fixture

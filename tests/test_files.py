@@ -30,7 +30,6 @@ EXCEPTIONS = {
     "runtime.export.report": TEMPORARY,
     "runtime.export.wasm": TEMPORARY,
     "runtime.cli.shipped": OWN,
-    "runtime.cli.describe": OWN,
     "runtime.cli.commands.new": OWN,
     "runtime.cli.commands.graphs": OWN,
     "runtime.codegen.source": OWN,

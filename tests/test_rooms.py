@@ -16,7 +16,7 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
-from runtime.cli.describe import ROOMS
+from docs.describe import ROOMS
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "examples")
@@ -93,8 +93,6 @@ COMPUTED = {
     "runtime.plots.figures": "a painter of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
     "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",
-    "runtime.cli.describe": "a room of blocks",
-    "runtime.cli.public_api": "one of the doors in PUBLIC, counted as strings",
     "benchmarks.peers": "one of its own modules, a peer",
 }
 # Keyword arguments on lines of their own count as one line for each call (see ``keyword_lines``).

@@ -13,7 +13,7 @@ import pytest
 import blocks
 from blocks import index
 from blocks.registry import BUILTIN, blocks_of_module
-from runtime.cli.describe import ROOMS, index_file
+from docs.describe import ROOMS, index_file
 
 SOURCE = '''
 from blocks import Block, Gain, Output, Scalar
@@ -46,7 +46,7 @@ def test_the_index_is_what_the_doors_export() -> None:
     rooms = {path.parent.name for path in Path(blocks.__file__).parent.glob("*/__init__.py")}
     assert {*ROOMS, "core"} == rooms
     assert Path(index.__file__).read_text(encoding="utf-8") == index_file(), (
-        "python -m runtime.cli.describe writes it again"
+        "python -m docs.describe writes it again"
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.cli.public_api import PUBLIC, listing, public_names
+from docs.public_api import PUBLIC, listing, public_names
 
 STORED = Path(__file__).parents[3] / "docs" / "api.txt"
 
@@ -17,9 +17,7 @@ STORED = Path(__file__).parents[3] / "docs" / "api.txt"
 def test_the_listing_is_that_of_the_code() -> None:
     lines = (STORED.read_text(encoding="utf-8").splitlines(), listing().splitlines())
     changed = list(unified_diff(*lines, "docs/api.txt", "the code", lineterm="", n=0))
-    assert not changed, (
-        "\n".join(changed) + "\nis the change meant? then: python -m runtime.cli.describe"
-    )
+    assert not changed, "\n".join(changed) + "\nis the change meant? then: python -m docs.describe"
 
 
 @pytest.mark.parametrize("module", PUBLIC)

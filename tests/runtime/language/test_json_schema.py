@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from runtime.cli.describe import schema_file
+from docs.describe import schema_file
 from runtime.document import parse_yaml
 from runtime.language import json_schema
 from tests.conftest import Run
@@ -83,7 +83,7 @@ def checked(text: str, schema: dict[str, Any] | None = None) -> bool:
 
 def test_the_committed_schema_is_current() -> None:
     text = (GRAPHS / "schema.json").read_text(encoding="utf-8")
-    assert text == schema_file(), "run: python -m runtime.cli.describe"
+    assert text == schema_file(), "run: python -m docs.describe"
 
 
 @pytest.mark.parametrize("path", sorted(GRAPHS.rglob("*.yaml")), ids=lambda p: p.stem)

@@ -1,4 +1,4 @@
-"""Writes the generated files of docs/ and graphs/: ``python -m runtime.cli.describe``."""
+"""Writes the generated files of docs/ and graphs/: ``python -m docs.describe``."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from blocks.core import Block
 from blocks.lazy import exports
 from blocks.limits import TABLE
 from blocks.registry import BUILTIN
-from runtime.cli.expressions_page import expressions_page
-from runtime.cli.public_api import listing
+from docs.expressions_page import expressions_page
+from docs.public_api import listing
 from runtime.cli.shipped import shipped
 from runtime.descriptions import (
     describe_markdown,
     families,
+    forms,
     option_text,
-    settings_markdown,
+    settings,
     summary,
 )
 from runtime.document import SHIPPED
@@ -35,7 +36,7 @@ from runtime.observation import (
     PlotKind,
 )
 
-INDEX = '''"""Where the names of ``blocks`` are; written by ``python -m runtime.cli.describe``.
+INDEX = '''"""Where the names of ``blocks`` are; written by ``python -m docs.describe``.
 
 In: the doors of the rooms. Out: types of blocks, and their other names, each with its module::
 
@@ -51,7 +52,7 @@ ROOMS = (
     *("dynamics", "nonlinear", "plants", "sensors", "mujoco", "fmu"),
 )
 
-MADE = "<!-- Made from the declarations by `python -m runtime.cli.describe`; do not edit. -->"
+MADE = "<!-- Made from the declarations by `python -m docs.describe`; do not edit. -->"
 HEADER = f"""# Blocks
 
 {MADE}
@@ -62,7 +63,7 @@ Every block also takes `dt` (s), its step: a whole multiple of `run.dt`, which i
 
 OBSERVING = """# Plots and metrics
 
-<!-- Made from their own declarations by `python -m runtime.cli.describe`; do not edit. -->
+<!-- Made from their own declarations by `python -m docs.describe`; do not edit. -->
 
 `of` names probes or addresses. Angles may be written in degrees, as in `90deg`.
 """
@@ -78,7 +79,7 @@ COMMON_DOC = {
 
 GALLERY = """# Examples of other packages
 
-<!-- Made from the graphs' own comments by `python -m runtime.cli.describe`; do not edit. -->
+<!-- Made from the graphs' own comments by `python -m docs.describe`; do not edit. -->
 
 Which shipped graph is which example of bdsim, PathSim and Nengo. Run one by its name, as in
 `runtime run gallery/van_der_pol`; `runtime graphs` lists all, with a line each.
@@ -157,6 +158,20 @@ def blocks_pages() -> dict[str, str]:
     return {"blocks.md": "\n".join(index).rstrip() + "\n", **pages}
 
 
+def settings_markdown(known: Mapping[str, type[Block]]) -> str:
+    """What parameters of these blocks choose from: a table for each kind of setting."""
+    lines = []
+    for setting, users in settings(known).items():
+        places = ", ".join(f"`{user}`" for user in users)
+        lines += [f"## {setting.__name__}", "", f"For {places}: {setting.expected}.", ""]
+        lines += ["| form | parameters, with defaults | meaning |", "|---|---|---|"]
+        for form, given, _, doc in forms(setting):
+            cells = (f"`{form}`", f"`{given}`" if given else "", doc)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
 def observing_page() -> str:
     """The text of docs/observing.md."""
     figure = {**COMMON_DOC, **{k: option_text(k, d) for k, d in Figure.declared.items()}}
@@ -216,12 +231,12 @@ def with_limits(page: str) -> str:
 
 def main() -> int:
     """Write what is generated."""
-    docs = Path(__file__).parents[2] / "docs"
+    docs = Path(__file__).parent
     index, text = docs.parent / "blocks" / "index.py", index_file()
     if index.read_text(encoding="utf-8") != text:
         index.write_text(text, encoding="utf-8")
         # This process has imported the index as it was, with a room that is gone.
-        return subprocess.call([sys.executable, "-m", "runtime.cli.describe"])
+        return subprocess.call([sys.executable, "-m", "docs.describe"])
     (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
     (docs / "blocks").mkdir(exist_ok=True)
     pages = blocks_pages() | {

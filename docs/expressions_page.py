@@ -2,7 +2,7 @@
 
 In: what :mod:`blocks.core` declares of functions and limits. Out: the page's text::
 
-    expressions_page()      # written by python -m runtime.cli.describe
+    expressions_page()      # written by python -m docs.describe
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from blocks.core import (
 
 PAGE = """# Expressions
 
-<!-- Made by `python -m runtime.cli.describe`, with its tables from the code; do not edit. -->
+<!-- Made by `python -m docs.describe`, with its tables from the code; do not edit. -->
 
 One language, wherever a graph computes: `expression` of a `Function` and an
 `AlgebraicConstraint`, the equations, events and outputs of `DynamicSystem` and `DiscreteSystem`,
