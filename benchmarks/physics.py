@@ -10,7 +10,8 @@ import runtime
 from benchmarks.case_c import started
 from benchmarks.tables import figure, table
 from benchmarks.timing import Timing, take_turns
-from blocks import BlockContext, MujocoVacuum, Scan
+from blocks import BlockContext, Scan
+from spikeblocks.mujoco import MujocoVacuum
 
 DT = 0.01
 TICKS = 1000

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from blocks.dynamics import *
     from blocks.fmu import *
     from blocks.generic import *
-    from blocks.mujoco import *
     from blocks.neural import *
     from blocks.nonlinear import *
     from blocks.plants import *
@@ -60,7 +59,14 @@ _name = door(__name__)
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        return importlib.import_module(f"blocks.{name}") if name in _ROOMS else _name(name)
+        if name in _ROOMS:
+            return importlib.import_module(f"blocks.{name}")
+        if name not in __all__ and not name.startswith("_"):
+            from blocks.registry import BUILTIN
+
+            if name in BUILTIN:  # of a bridge
+                return BUILTIN[name]
+        return _name(name)
 
 
 def __dir__() -> list[str]:

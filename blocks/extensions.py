@@ -159,8 +159,9 @@ class Registry(dict[str, T]):
         return ""
 
     def library(self) -> tuple[str, ...]:
-        """The names of the library's own entries, those of its bridges included."""
-        return (*self, *(name for name, offer in self.offers().items() if offer.is_ours))
+        """The names of the library's own entries, and of those of its bridges that can be used."""
+        ours = [name for name, offer in self.offers().items() if offer.is_ours]
+        return (*self, *(name for name in ours if name in self.lazy or not self.why_broken(name)))
 
     def is_library(self, name: str) -> bool:
         """Whether the entry of a name is the library's own."""

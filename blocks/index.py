@@ -142,7 +142,6 @@ TYPES = {
     "Dropout": "sensors.transport",
     "Latency": "sensors.transport",
     "WheelOdometry": "sensors.odometry",
-    "MujocoVacuum": "mujoco.vacuum",
     "FMU": "fmu.cosimulation",
     "ModelExchangeFMU": "fmu.model_exchange",
 }
@@ -199,9 +198,4 @@ OTHERS = {
     "INTEGRATORS": "vehicle.differential_drive",
     "added": "generic.arithmetic",
     "scaled": "generic.arithmetic",
-    "POSITION": "mujoco.vacuum",
-    "SEEN_GROUP": "mujoco.robot_model",
-    "BeamCaster": "mujoco.robot_model",
-    "model_of": "mujoco.robot_model",
-    "state_parts": "mujoco.vacuum",
 }

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TypeVar
 
 from blocks.core import Block, GraphInput, SignalType, Variant
-from blocks.extensions import Registry
+from blocks.extensions import PREFIX, Registry
 from blocks.files import read
 from blocks.index import TYPES
 from blocks.limits import MODULE
@@ -24,21 +24,31 @@ _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
 
+# Those of installed packages as well.
+BLOCKS: Registry[type[Block]] = Registry(
+    *("blocks", Block, "a subclass of Block"),
+    lazy={name: f"blocks.{module}:{name}" for name, module in TYPES.items()},
+    classes=True,
+)
+
+
 class _Library(Mapping[str, type[Block]]):
-    """The library's types by name; each is imported when it is looked up."""
+    """The library's types by name, those of its bridges included; each is imported on look-up."""
 
     def __getitem__(self, name: str) -> type[Block]:
-        found: type[Block] = getattr(importlib.import_module(f"blocks.{TYPES[name]}"), name)
+        found = BLOCKS.get(name) if BLOCKS.is_library(name) else None
+        if found is None:
+            raise KeyError(name)
         return found
 
     def __contains__(self, name: object) -> bool:
-        return name in TYPES
+        return isinstance(name, str) and BLOCKS.is_library(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(TYPES)
+        return iter(BLOCKS.library())
 
     def __len__(self) -> int:
-        return len(TYPES)
+        return len(BLOCKS.library())
 
 
 BUILTIN: Mapping[str, type[Block]] = _Library()
@@ -46,15 +56,8 @@ BUILTIN: Mapping[str, type[Block]] = _Library()
 
 def is_built_in(cls: type[Block]) -> bool:
     """Whether a block class is one of ours: not of a package, nor of a graph's own file."""
-    return cls is GraphInput or f"blocks.{TYPES.get(cls.__name__)}" == cls.__module__
-
-
-# Those of installed packages as well.
-BLOCKS: Registry[type[Block]] = Registry(
-    *("blocks", Block, "a subclass of Block"),
-    lazy={name: f"blocks.{module}:{name}" for name, module in TYPES.items()},
-    classes=True,
-)
+    is_bridge = cls.__module__.startswith(PREFIX)
+    return is_bridge or cls is GraphInput or f"blocks.{TYPES.get(cls.__name__)}" == cls.__module__
 
 
 def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:

@@ -22,7 +22,7 @@ import numpy as np
 from blocks.core import Block, Input, Output, Param, Setting, Variant
 from blocks.files import opened
 from blocks.limits import MODULE
-from blocks.registry import BLOCKS, blocks_of_module
+from blocks.registry import BLOCKS, blocks_of_module, is_built_in
 from runtime.errors import UsageError, raised_text
 from runtime.terminal import table
 
@@ -59,7 +59,7 @@ def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
         top, *rest = cls.__module__.split(".")
         # The first sentence of a room's docstring is its title. A class exists, so its room is
         # imported.
-        room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
+        room = sys.modules.get(f"{top}.{rest[0]}") if rest and is_built_in(cls) else None
         about = _first_line(room.__doc__).rstrip(".") if room is not None else ""
         family = f"{rest[0]}: {about}" if about else top
         # Modules of a user's files get hidden names (blocks.registry).

@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sensors", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
-    ("blocks.wall_fitting", "blocks.mujoco", "blocks.fmu"),
+    ("blocks.wall_fitting", "blocks.fmu"),
     ("blocks.registry",),
     ("blocks",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),
@@ -62,11 +62,11 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.nengo", "runtime.rendering"),
+    ("runtime.nengo",),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
-    ("spikeblocks.gym", "spikeblocks.lsp"),
+    ("spikeblocks.gym", "spikeblocks.lsp", "spikeblocks.mujoco"),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
@@ -89,7 +89,6 @@ COMPUTED = {
     "blocks.core.extras": "an optional package of others",
     "blocks.extensions": "an entry of the library's own, counted as strings; of index.py",
     "blocks.lazy": "what the text of a door imports for type checkers",
-    "blocks.registry": "a module of index.py",
     "runtime.plots.figures": "a painter of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
     "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",
@@ -237,7 +236,7 @@ print(codes, runtime.PACKAGE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("bridge", "verb"), [("nengo", "import"), ("rendering", "render")])
+@pytest.mark.parametrize(("bridge", "verb"), [("nengo", "import")])
 def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
     for package in ("blocks", "runtime", "graphs"):
         shutil.copytree(ROOT / package, tmp_path / package)

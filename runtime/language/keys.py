@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from blocks.core import Block, GraphInput, Param
+from blocks.registry import is_built_in
 from runtime.descriptions import describe_markdown, param_row, summary
 from runtime.document import (
     EXAMPLES,
@@ -215,7 +216,7 @@ def _required_params(cls: type[Block]) -> list[tuple[str, Param]]:
 def type_offers(model: Model, keys: set[str]) -> Iterator[Offer]:
     """Block types; with their required parameters, where none is ``written`` yet."""
     for kind, cls in known_types(model).items():
-        family = cls.__module__.split(".")[1] if cls.__module__.startswith("blocks.") else "own"
+        family = cls.__module__.split(".")[1] if is_built_in(cls) else "own"
         required = [name for name, _ in _required_params(cls)]
         doc = describe_markdown(cls)
         yield Offer(kind, "type", f"{family}: {summary(cls)}", doc)

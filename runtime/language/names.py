@@ -27,6 +27,7 @@ from pathlib import Path
 
 from blocks.core import Block
 from blocks.files import read_text
+from blocks.registry import is_built_in
 from runtime.document import name_problem
 from runtime.errors import UsageError
 from runtime.language.items import YamlItem, deepest
@@ -349,7 +350,7 @@ def _rename_class(
     """Edits of a user's own block type: its class, and every graph that names it."""
     cls = known_types(model).get(old)
     places = _class_place(cls)
-    if cls is None or cls.__module__.startswith("blocks.") or not places:
+    if cls is None or is_built_in(cls) or not places:
         raise UsageError(f"'{old}' is a type of the library; only your own can be renamed")
     if not name.isidentifier() or name in known_types(model):
         raise UsageError(f"'{name}' is no Python name, or a block type has it")

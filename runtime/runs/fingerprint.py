@@ -19,9 +19,10 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from blocks.extensions import OURS
 from blocks.files import read
 from blocks.limits import MODULE
-from blocks.registry import block_texts, is_built_in
+from blocks.registry import block_texts
 from runtime.errors import UsageError
 
 if TYPE_CHECKING:
@@ -34,8 +35,8 @@ PACKAGES = (
 CORE = ("blocks", "runtime")
 # Rooms of ``runtime`` that present what was computed, or convert: they change no number of a run.
 PRESENTING = frozenset(
-    ("checking", "cli", "compare", "diagrams", "export", "gym", "language", "lsp", "nengo", "plots")
-) | {"rendering", "reports"}
+    ("checking", "cli", "compare", "diagrams", "export", "language", "nengo", "plots")
+) | {"reports"}
 SOURCES = frozenset((".py", ".h"))
 LENGTH = 12  # hexadecimal digits that are kept
 
@@ -58,8 +59,10 @@ def program_of(*networks: Network) -> Program:
     Their own Python files are no part of it: they are stored with the graph.
     """
     kinds = {entry.cls for network in networks for entry in network.entries.values()}
-    others = {kind for kind in kinds if not is_built_in(kind) and not block_texts(kind, None)}
-    return program(tuple(sorted({kind.__module__.partition(".")[0] for kind in others} - {*CORE})))
+    places = (kind.__module__.split(".") for kind in kinds if not block_texts(kind, None))
+    # A bridge is a package for itself.
+    packages = {".".join(place[: 2 if place[0] == OURS else 1]) for place in places}
+    return program(tuple(sorted(packages - {*CORE})))
 
 
 @lru_cache(16)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import runtime
-from blocks import MujocoVacuum
+from spikeblocks.mujoco import MujocoVacuum
 from tests.studies.claims import Claim, spread
 from tests.studies.following import ENGINE, FEEDFORWARD, PRINTED, ROBUST, in_parallel
 

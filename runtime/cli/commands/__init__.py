@@ -52,7 +52,6 @@ VERBS: Registry[Verb] = Registry(
     "a module with HELP, add and run",
     lazy={
         **{name: f"{__name__}.{name}" for names in GROUPS.values() for name in names},
-        "render": "runtime.rendering",
         "import": "runtime.nengo",
     },
 )

@@ -6,8 +6,8 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from runtime.arguments import add_json, at_least, integer
-from runtime.rendering.request import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
+from spikeblocks.mujoco.rendering.request import VIEWS, RenderRequest
 
 HELP = "render a picture and a film of a run with physics"
 GROUP = "export and import"
@@ -46,8 +46,8 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Render, and print the files."""
     from runtime.files import check_inside, refuse_link
-    from runtime.rendering.process import render
     from runtime.runs import run_folder
+    from spikeblocks.mujoco.rendering.process import render
 
     folder = run_folder(options.run)
     if not options.out:

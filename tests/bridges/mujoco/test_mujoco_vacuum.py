@@ -16,9 +16,9 @@ import pytest
 from blocks import ParameterError, World
 from blocks.core import BlockState
 from blocks.core.signals import FloatArray
-from blocks.mujoco.robot_model import SKID_CLEARANCE
-from blocks.mujoco.vacuum import WHEEL_RATES, MujocoVacuum
 from runtime import check_block
+from spikeblocks.mujoco.robot_model import SKID_CLEARANCE
+from spikeblocks.mujoco.vacuum import WHEEL_RATES, MujocoVacuum
 from tests.blocks.outputs import outputs
 from tests.blocks.worlds import SHIPPED, started
 

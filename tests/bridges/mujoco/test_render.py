@@ -17,8 +17,8 @@ from PIL import Image
 import runtime
 from blocks import World
 from runtime.errors import UsageError
-from runtime.rendering.motion import Motion, recorded_motion
-from runtime.rendering.views import MARGIN, bar_length, extent_of
+from spikeblocks.mujoco.rendering.motion import Motion, recorded_motion
+from spikeblocks.mujoco.rendering.views import MARGIN, bar_length, extent_of
 from tests.conftest import Run
 from tests.extras import install_line
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from blocks import ParameterError
 from blocks.core.signals import FloatArray
-from blocks.mujoco.solid_walls import OVERLAP, THICKNESS, wall_pieces
 from blocks.world.world import World
+from spikeblocks.mujoco.solid_walls import OVERLAP, THICKNESS, wall_pieces
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 from tests.examples import examples
 

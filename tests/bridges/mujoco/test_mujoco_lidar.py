@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from blocks import ParameterError, World
 from blocks.core.signals import FloatArray
-from blocks.mujoco.robot_model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
-from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
+from spikeblocks.mujoco.robot_model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
+from spikeblocks.mujoco.vacuum import MujocoVacuum
 from tests.blocks.outputs import outputs
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, is_free, started, worlds
 from tests.examples import examples

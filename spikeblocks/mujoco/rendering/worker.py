@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from runtime.files import own_file, write_whole
-from runtime.rendering.motion import recorded_motion
-from runtime.rendering.request import RenderRequest
 from runtime.terminal import Progress, duration
+from spikeblocks.mujoco.rendering.motion import recorded_motion
+from spikeblocks.mujoco.rendering.request import RenderRequest
 
 PICTURE = "render.png"
 FILM = "render.mp4"
@@ -28,7 +28,7 @@ FILM = "render.mp4"
 
 def make(request: RenderRequest, say: Callable[[str], None]) -> list[Path]:
     """Draw the picture and the film; returns the files. ``say`` takes what to tell meanwhile."""
-    from runtime.rendering.scene import SceneRenderer
+    from spikeblocks.mujoco.rendering.scene import SceneRenderer
 
     motion = recorded_motion(request.run, request.block)
     folder = Path(request.folder)

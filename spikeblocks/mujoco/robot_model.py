@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, FloatArray, ParameterError, directions, param, product, require
-from blocks.mujoco.solid_walls import wall_pieces
 from blocks.world import World
+from spikeblocks.mujoco.solid_walls import wall_pieces
 
 WALL_HEIGHT = 0.3
 # Hull and ground, rear skid and ground (m).

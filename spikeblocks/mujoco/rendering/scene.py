@@ -13,10 +13,10 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from blocks.core import FloatArray
-from blocks.mujoco import POSITION, SEEN_GROUP, BeamCaster, model_of, state_parts
 from blocks.world import bearings
-from runtime.rendering.motion import Motion
-from runtime.rendering.views import (
+from spikeblocks.mujoco import POSITION, SEEN_GROUP, BeamCaster, model_of, state_parts
+from spikeblocks.mujoco.rendering.motion import Motion
+from spikeblocks.mujoco.rendering.views import (
     ASPECTS,
     FLOOR_SQUARE,
     TRAIL_SEGMENTS,

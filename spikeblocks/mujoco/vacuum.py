@@ -24,10 +24,10 @@ from blocks.core import (
     WheelSpeeds,
     param,
 )
-from blocks.mujoco.robot_model import SEEN_GROUP, BeamCaster, VacuumBody, engine, model_of
-from blocks.mujoco.solid_walls import wall_pieces
 from blocks.vehicle import INTEGRATORS
 from blocks.world import bearings, misplaced, required_world
+from spikeblocks.mujoco.robot_model import SEEN_GROUP, BeamCaster, VacuumBody, engine, model_of
+from spikeblocks.mujoco.solid_walls import wall_pieces
 
 # Where MuJoCo's numbers are in the state: time, then position and quaternion of the body and the
 # wheels' angles (9), their velocities (8), and the accelerations that its solver starts from (8).

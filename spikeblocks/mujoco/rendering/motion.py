@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from blocks.core import FloatArray, ParameterError, hint
-from blocks.mujoco import MujocoVacuum
 from blocks.world import World
 from runtime.document import parse_yaml
 from runtime.errors import Problems, UsageError
 from runtime.network import expand
 from runtime.observation import RunData
 from runtime.runs import RESOLVED, read_run, run_folder
+from spikeblocks.mujoco import MujocoVacuum
 
 STATE = "physics"
 

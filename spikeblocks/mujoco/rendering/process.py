@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
-from runtime.rendering.request import RenderRequest
 from runtime.terminal import tell
+from spikeblocks.mujoco.rendering.request import RenderRequest
 
 MODULES = ("mujoco", "OpenGL", "imageio_ffmpeg")
 CHOICE = "MUJOCO_GL"
@@ -35,7 +35,7 @@ def render(request: RenderRequest) -> list[Path]:
     """
     # Every start of the command line imports this module for the defaults of a request.
     from blocks.core import MissingPackageError, require
-    from runtime.rendering.motion import recorded_motion
+    from spikeblocks.mujoco.rendering.motion import recorded_motion
 
     libraries = _libraries()
     # Only the child process uses it; importing mujoco here must not fail because of it.
@@ -74,7 +74,7 @@ def _run_worker(request: RenderRequest, library: str) -> dict[str, Any]:
     # A file, since a pipe that nobody reads meanwhile would stop a library that prints much.
     with tempfile.TemporaryFile("w+") as errors:
         with subprocess.Popen(
-            [sys.executable, "-m", "runtime.rendering.worker"],
+            [sys.executable, "-m", "spikeblocks.mujoco.rendering.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=None if sys.stderr.isatty() else errors,
