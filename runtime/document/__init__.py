@@ -5,6 +5,7 @@ contains, in which ``$names`` are not filled in yet; or every problem with its p
 
     node, parse_errors, scalars   text -> tree         writer   tree -> text
     loader      extends and parts merged               limits   how much work that may be
+    difference  what one tree changes in another
     edits       --set, --without: a new tree           substitution   $names -> values
     sections    which keys there are                   run_section    run: -> RunSection
 
@@ -16,6 +17,7 @@ from runtime.document.arrays import (
     arrays_in,
     with_folder,
 )
+from runtime.document.difference import changed_paths, difference
 from runtime.document.edits import (
     Override,
     add_block,

@@ -113,7 +113,7 @@ def merge(
     holds the two trees, ``key`` their key in it; ``charge`` is called with the number of
     entries that each step merges.
     """
-    is_another = section in TYPED and _is_another(base, top)
+    is_another = section in TYPED and is_of_another_kind(base, top)
     is_world = key == "world" and not section
     if not (base.is_map and top.is_map) or is_another or is_world:
         return top
@@ -135,7 +135,8 @@ def _merge_entries(base: Node, top: Node, key: str, charge: Callable[[int], None
     return Node(entries, top.where, top.key)
 
 
-def _is_another(base: Node, top: Node) -> bool:
+def is_of_another_kind(base: Node, top: Node) -> bool:
+    """Whether a typed entry replaces the one below, since it has another type, kind or part."""
     for name in ("type", "kind", "part"):
         above, below = top.get(name), base.get(name)
         # An entry that names no type changes the one below, whatever its type.

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.engine.carrying import Carried, adopt, adopt_changed, carried
+    from runtime.engine.carrying import (
+        Carried,
+        adopt,
+        adopt_changed,
+        carried,
+        with_rows,
+        without_rows,
+    )
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import BetweenTicks, Interrupts, is_within, stoppable
     from runtime.engine.point import Offsets, Point, Watched, labels

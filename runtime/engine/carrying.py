@@ -13,7 +13,7 @@ not touched since, such as the gains of neurons, follows the graph's new paramet
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.engine.engine import Engine
 from runtime.engine.naming import undeclared
-from runtime.engine.recorder import Saved
+from runtime.engine.recorder import Rows, Saved
 from runtime.engine.state import Begun, RunState
 from runtime.memory import alike
 from runtime.observation import Probe
@@ -104,8 +104,41 @@ def adopt(engine: Engine, given: Carried) -> None:
         engine.exact.leave(given.python_from, given.notes)
 
 
-def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
-    """Go on in a prepared engine of a changed graph, with what is the same in both."""
+def without_rows(given: Carried) -> Carried:
+    """A state that holds the number of its rows only; :func:`with_rows` completes it."""
+    recording: Saved = {
+        name: ((), rows, rows, memory) for name, (_, rows, _, memory) in given.recording.items()
+    }
+    return replace(given, recording=recording)
+
+
+def with_rows(given: Carried, probes: Mapping[str, Probe], source: Engine | None) -> Carried:
+    """A state that was copied without rows, with those that another engine of its run has.
+
+    Parameters
+    ----------
+    probes : of the state. source : has recorded the same up to there; without one, the recordings
+        begin at the state.
+    """
+    if source is None:
+        return given
+    source.recorder.flush(source.state.tick, all=True)
+    recording: Saved = {}
+    for name, (parts, rows, left, memory) in given.recording.items():
+        sink, old = source.recorder.sinks.get(name), source.recorder.probes.get(name)
+        if isinstance(sink, Rows) and old is not None and _meaning(old) == _meaning(probes[name]):
+            parts, left = sink.before(rows)
+        recording[name] = parts, rows, left, memory
+    return replace(given, recording=recording)
+
+
+def adopt_changed(engine: Engine, before: Engine, given: Carried) -> list[str]:
+    """Go on in a prepared engine of a changed graph, with what is the same in both.
+
+    Returns
+    -------
+    The blocks that keep their state; the others begin.
+    """
     state, entries = engine.state, engine.network.entries
     taken: list[str] = []
     for name, entry in entries.items():
@@ -136,6 +169,7 @@ def adopt_changed(engine: Engine, before: Engine, given: Carried) -> None:
     engine.recorder.restore(_same_probes(engine, before, given.recording))
     # Compiled ticks go on where the plan is the same, since Python may round differently.
     engine.is_checked = before.is_checked and engine.plan == before.plan
+    return taken
 
 
 def _keys(state: RunState, name: str) -> list[str]:

@@ -32,6 +32,7 @@ TIMES_AT_ONCE = 1 << 20
 FILTERED_AT_ONCE = 512  # values
 BUFFER = 1 << 22  # bytes, the largest buffer of one probe
 GROWING_ROWS, GROWING_BYTES = 1024, 1 << 18  # of a buffer before rows in memory
+PART = 1 << 18  # bytes, of rows in memory that are copied together
 
 
 def buffer_rows(probes: Mapping[str, Probe], ticks: int, memory: int) -> dict[str, int]:
@@ -73,8 +74,9 @@ class Rows:
         rows = rows.copy()
         self.rows += len(rows)
         parts = list(self.parts)
-        # Parts of at least half of the next one's size: few of them, and each is copied seldom.
-        while parts and len(parts[-1]) <= 2 * len(rows):
+        # Parts of at least half of the next one's size: few of them, and each is copied seldom. A
+        # full one is never copied again, so that all copies of a run hold the same.
+        while parts and len(parts[-1]) <= 2 * len(rows) and parts[-1].nbytes + rows.nbytes <= PART:
             rows = np.concatenate([parts.pop(), rows])
         parts.append(rows)
         if self.keep is not None:
@@ -86,6 +88,28 @@ class Rows:
     def first(self) -> int:
         """The number of the first row that is kept."""
         return self.left if self.keep is None else max(self.left, self.rows - self.keep)
+
+    def since(self, row: int) -> tuple[int, FloatArray]:
+        """The rows that are kept from number ``row`` on, and the number of the first of them."""
+        row = min(max(row, self.first), self.rows)
+        end, parts = self.rows, []
+        for part in reversed(self.parts):
+            if end <= row:
+                break
+            begin = end - len(part)
+            parts.append(part[max(0, row - begin) :])
+            end = begin
+        return row, np.concatenate([np.empty((0, *self.shape)), *reversed(parts)])
+
+    def before(self, row: int) -> tuple[tuple[FloatArray, ...], int]:
+        """The parts with the rows before number ``row``, and the number of the first of them."""
+        parts, end = [], self.left
+        for part in self.parts:
+            if end >= row:
+                break
+            parts.append(part[: row - end])
+            end += len(part)
+        return tuple(parts), self.left if parts else row
 
     def close(self) -> FloatArray:
         """All rows that are kept, the last ``keep`` of them."""
@@ -329,6 +353,19 @@ class Recorder:
                     self._append(sink, part)
             if memory is not None:
                 self.filters[name].restore(memory)
+
+    def since(self, name: str, tick: int, done: int) -> tuple[FloatArray, FloatArray]:
+        """The rows of a probe at ticks from ``tick`` on, of ``done`` ticks, and their times."""
+        probe, sink = self.probes[name], self.sinks.get(name)
+        wanted = max(0, -(-(tick - probe.first) // max(1, probe.every)))
+        if isinstance(sink, Rows):
+            first, rows = sink.since(wanted)
+        else:
+            # Constant ones have one row.
+            filled = min(1, done) if probe.constant else probe.rows(done)
+            first, rows = min(wanted, filled), self.arrays[name][min(wanted, filled) : filled]
+        step, late = probe.every * self.dt, probe.first * self.dt
+        return row_times(first, first + len(rows), step, late), rows
 
     def times(self, name: str, rows: int, dt: float) -> FloatArray:
         """The times (s) of a probe's rows, those of their ticks, on disk if the rows are."""

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.sessions.kept import Became, SessionSnapshot
     from runtime.sessions.log import changes_of
-    from runtime.sessions.session import CALLS, CHANGES, GRAPH, RUN, SESSION, VERSION, Session
+    from runtime.sessions.saving import CHANGES, GRAPH, RUN, SESSION, VERSION
+    from runtime.sessions.session import CALLS, Session
 else:
     __getattr__ = door(__name__)

@@ -16,12 +16,13 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
-from runtime.errors import SimulationError, UsageError
+from blocks.core import Block, BlockContext, ParameterError
+from runtime.errors import NotCopiedError, SimulationError, UsageError
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 # What an interrupt can leave half done; a run says itself whether it was within a tick.
-CHANGING = ("write", "set", "wire", "without", "bypass", "replace", "overlay", "restore")
+CHANGING = ("write", "set", "wire", "without", "bypass", "replace", "overlay", "become", "restore")
 
 
 class Exclusive(Protocol):
@@ -83,3 +84,21 @@ def is_numeric(value: Any) -> bool:
         return np.asarray(value).dtype.kind in "bif"
     except ValueError:  # lists of different lengths
         return False
+
+
+def copied(call: Callable[[], _T]) -> _T:
+    """What a call returns that copies memory of blocks."""
+    try:
+        return call()
+    except NotCopiedError as error:
+        raise UsageError(str(error)) from None
+
+
+def block_with(block: Block, parameter: str, value: Any, context: BlockContext) -> Block | None:
+    """A block with another value of a parameter; None if it is not allowed there."""
+    try:
+        made = type(block)(**{**block.parameters(), parameter: value})
+        made.validate_in(context)
+    except ParameterError:
+        return None
+    return made

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -125,6 +125,13 @@ class Log:
                 ticks, _, written = zip(*part, strict=True)
                 ports, values = zip(*written, strict=True)
                 yield {"ticks": list(ticks), "ports": list(ports), "values": list(values)}
+
+
+def repeat(session: Any, changes: Iterable[Change]) -> None:
+    """Make changes again in a session, each before its tick."""
+    for tick, call, arguments in changes:
+        session.step(tick - session.tick)
+        getattr(session, call)(*arguments)
 
 
 def changes_of(entry: Any) -> Iterator[Change]:

@@ -8,11 +8,9 @@ that it takes to compute the same bits again.
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -20,25 +18,37 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from blocks.core import ParameterError
-from runtime.document import dump_yaml, read_graph
-from runtime.engine import BetweenTicks, Engine, adopt, adopt_changed, carried, is_within
-from runtime.errors import NotCopiedError, SimulationError, UsageError
-from runtime.files import Content, refuse_link, remove_tree, system_errors, write_files
-from runtime.runs import Pacing, Result, chosen_runner, contents, portable, result_of
-from runtime.sessions.calls import alone, is_numeric, plain
-from runtime.sessions.kept import ChangeableGraph, SessionSnapshot
-from runtime.sessions.log import Change, Log
+from runtime.document import changed_paths, read_graph
+from runtime.engine import (
+    BetweenTicks,
+    Engine,
+    adopt,
+    adopt_changed,
+    carried,
+    is_within,
+)
+from runtime.errors import SimulationError, UsageError
+from runtime.runs import Pacing, chosen_runner
+from runtime.sessions.calls import alone, block_with, copied, is_numeric, plain
+from runtime.sessions.kept import (
+    Became,
+    ChangeableGraph,
+    Course,
+    SessionSnapshot,
+    change_between,
+)
+from runtime.sessions.log import Change, Log, repeat
+from runtime.sessions.readable import Readable
+from runtime.sessions.saving import save_session
 from runtime.sessions.signals import Signals
 
-# The methods that are logged; all but the first are those of a graph.
-SESSION, CHANGES, GRAPH, RUN, VERSION = "session.json", "log.jsonl", "graph.yaml", "run", 3
 _T = TypeVar("_T")
 _P = ParamSpec("_P")
+# The methods that are logged; all but the first are those of a graph.
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
 
 
-class Session:
+class Session(Readable):
     """A run of a graph that goes on as it is told.
 
     Parameters
@@ -61,24 +71,10 @@ class Session:
         # Tunable parameters that the engine has and the graph does not yet: writing takes longer.
         self._unwritten: dict[str, Any] = {}
         self._pacing: Pacing | None = None  # of the last time in real time
+        self._course: Course = ((object(), 0),)
         self._begin(self._prepared(graph))
 
     # Time
-
-    @property
-    def tick(self) -> int:
-        """How many ticks are done."""
-        return self._engine.state.tick
-
-    @property
-    def t(self) -> float:
-        """The time of the next tick."""
-        return self.tick * self._engine.network.dt
-
-    @property
-    def stopped(self) -> bool:
-        """Whether ``run.stop`` has ended the run; it goes on once that has another condition."""
-        return self._engine.is_stopped
 
     @property
     def graph(self) -> ChangeableGraph:
@@ -137,7 +133,7 @@ class Session:
         last, own = state.tick + int(ticks), state.own_state if state.own else None
         is_left = own is not None and own.left is not None
         if own is not None and is_left:
-            _copied(own.check_left)
+            copied(own.check_left)
         if last > self._engine.network.ticks:
             self._extend(last)
         elif not self._engine.is_current:
@@ -167,26 +163,7 @@ class Session:
         unit = engine.network.time_unit
         self._failed = SimulationError(block, self.tick, self.t, text, unit)
 
-    def _check(self) -> None:
-        """Raise the failure that left a tick half done; a snapshot can be restored."""
-        if self._failed is not None:
-            raise self._failed
-
     # Signals
-
-    @alone
-    def read(self, *addresses: str) -> Any:
-        """A signal, a component or a state at the time ``t``: a float, or an array.
-
-        A signal is what the next tick will compute, a state what it finds. Of several addresses,
-        it is a tuple; what they depend on is computed once.
-
-        Raises
-        ------
-        UsageError : there is no such address.
-        """
-        self._check()
-        return self._signals.read(*addresses)
 
     @alone
     def write(self, port: str, value: Any) -> None:
@@ -225,12 +202,9 @@ class Session:
         entry = self._engine.network.entries.get(name)
         if entry is None or not is_numeric(value) or not entry.block.is_tunable(parameter):
             return False
-        try:
-            block = type(entry.block)(**{**entry.block.parameters(), parameter: value})
-            block.validate_in(self._engine.program.contexts[name])
-        except ParameterError:
-            return False  # said, with its place, by the check of the changed graph
-        if not self._engine.retune(name, block):
+        block = block_with(entry.block, parameter, value, self._engine.program.contexts[name])
+        # What is wrong is said, with its place, by the check of the changed graph.
+        if block is None or not self._engine.retune(name, block):
             return False
         place = f"blocks.{name}.{parameter}"
         self._unwritten.pop(place, None)  # the last one counts
@@ -265,12 +239,62 @@ class Session:
             source = read_graph(source)[0].plain()
         self._change("overlay", source)
 
+    @alone
+    def become(self, graph: ChangeableGraph) -> Became:
+        """Go on as another graph, such as this one after an edit of its file.
+
+        Numbers that are tunable change in the running engine; for all else, there is a new one.
+        After a failure, what was done before it is computed again first.
+
+        Returns
+        -------
+        Became : which numbers changed, which blocks kept their state, and which began anew.
+
+        Raises
+        ------
+        GraphError : the graph is wrong; the session stays as it was. UsageError : it has another
+            ``run.dt``, or what no overlay can say; a new session is what can run it.
+        """
+        graph.check()
+        change = change_between(self.graph, graph)
+        before = set(self._engine.network.entries)
+        if self._failed is not None:
+            self._compute_again()
+        numbers = [*changed_paths(change)]
+        if all(self._retune(".".join(path), node.plain()) for path, node in numbers):
+            for path, node in numbers:
+                self._note("set", ".".join(path), node.plain())
+            return Became(tuple(".".join(path) for path, _ in numbers), tuple(before))
+        kept = self._change("overlay", change.plain())
+        now = set(self._engine.network.entries)
+        begun, gone = now - set(kept), before - now
+        return Became((), tuple(kept), tuple(sorted(begun)), tuple(sorted(gone)))
+
+    def prepare(self, graph: ChangeableGraph) -> None:
+        """Compile what :meth:`become` will need, in another thread and while the session runs.
+
+        Raises
+        ------
+        GraphError, UsageError : as :meth:`become`.
+        """
+        graph.check()
+        self._prepared(self._graph.overlay(change_between(self._graph, graph).plain()))
+
+    def _compute_again(self) -> None:
+        """Come to the tick before a failure, from the first graph and the log."""
+        other = type(self)(self.first)
+        repeat(other, self._log)
+        other.step(self.tick - other.tick)
+        self._graph = other.graph
+        self._unwritten.clear()
+        self._begin(other._engine)
+
     def _change_of(self, call: str, names: Sequence[str]) -> None:
         if not names:
             raise UsageError(f"{call}: expected the name of a block, as in {call}('noise')")
         self._change(call, *names)
 
-    def _change(self, call: str, *arguments: Any) -> None:
+    def _change(self, call: str, *arguments: Any) -> list[str]:
         self._check()
         try:
             arguments = tuple(map(plain, arguments))
@@ -280,8 +304,9 @@ class Session:
         graph.check()
         if graph.network.dt != self._engine.network.dt:
             raise UsageError("run.dt cannot change in a session: ticks count its time")
-        self._move_to(graph)
+        kept = self._move_to(graph)
         self._note(call, *arguments)
+        return kept
 
     def _note(self, call: str, *arguments: Any) -> None:
         self._log.note(Change(self.tick, call, tuple(map(plain, arguments))))
@@ -292,29 +317,37 @@ class Session:
         until = max(last, 2 * network.ticks) * network.dt
         self._move_to(self.graph.set("run.until", until, origin="until"))
 
-    def _move_to(self, graph: ChangeableGraph) -> None:
-        """Go on in an engine for a changed graph; nothing changes if it cannot start."""
+    def _move_to(self, graph: ChangeableGraph) -> list[str]:
+        """Go on in an engine for a changed graph; nothing changes if it cannot start.
+
+        Returns the blocks that keep their state.
+        """
         before = self._engine
-        given = _copied(partial(carried, before, moves=True))
-        shared = _copied(before.state.own_state.shared_now)
+        given = copied(partial(carried, before, moves=True))
+        shared = copied(before.state.own_state.shared_now)
         engine = self._prepared(graph)  # which starts blocks: what they share begins again
-        adopt_changed(engine, before, given)
+        kept = adopt_changed(engine, before, given)
         engine.state.own_state.restore(shared)
         self._graph = graph
         self._begin(engine)
+        return kept
 
     # Copies
 
     @alone
-    def snapshot(self) -> SessionSnapshot:
-        """The present state, recordings included."""
-        return self._snapshot()
+    def snapshot(self, rows: bool = True) -> SessionSnapshot:
+        """The present state, recordings included.
+
+        Without ``rows``, it is small, and restoring it keeps what the session has recorded up to
+        there; if that was another course of events, recordings begin at the snapshot.
+        """
+        return self._snapshot() if rows else self._snapshot().small()
 
     def _snapshot(self) -> SessionSnapshot:
         self._check()
-        given = _copied(partial(carried, self._engine))
+        given = copied(partial(carried, self._engine))
         return SessionSnapshot(
-            self.t, self.first, self.graph, self._engine, given, self._log.copy()
+            self.t, self.first, self.graph, self._engine, given, self._log.copy(), self._course
         )
 
     @alone
@@ -325,8 +358,9 @@ class Session:
         # An engine whose parameters have changed since, or another one, has other numbers.
         same = saved.graph is self.graph and saved.engine is self._engine
         engine = saved.engine if same else self._prepared(saved.graph)
-        adopt(engine, saved.carried)
+        adopt(engine, saved.complete(self._engine, self._course))
         saved.engine.state.own_state.restore_shared()
+        self._course = (*saved.course, (object(), saved.carried.tick))
         self._graph, self._log = saved.graph, saved.log.copy()
         self._unwritten.clear()
         self._begin(engine)
@@ -344,75 +378,22 @@ class Session:
         for each in (self._engine, engine):
             each.state.own_state.leave()
         other._begin(engine)
+        other._course = (*self._course, (object(), self.tick))
+        self._course += ((object(), self.tick),)
         return other
-
-    # Results
-
-    @alone
-    def result(self) -> Result:
-        """What was recorded up to now, with metrics and plots; the session can go on.
-
-        After a failure, the status is "failed", and the ticks are those before it.
-        """
-        return self._result()
-
-    def _result(self) -> Result:
-        prepared, outcome = self.graph.prepared(growing=True), self._engine.finish()
-        if self._failed is not None:
-            outcome.status, outcome.error = "failed", self._failed
-        result = result_of(prepared, self._engine, outcome, self._began)
-        if self._pacing is not None:
-            self._pacing.end(result)
-        return result
 
     @alone
     def save(self, folder: str | Path) -> Path:
         """Write the session into a folder that must not exist yet; returns the folder.
 
-            a/session.json     version and ticks
-            a/log.jsonl        each change with its tick, or some writes, on a line
-            a/graph.yaml       the graph before the first change, with the files that it names
-            a/run/             the result, as a run folder
-
-        ``runtime replay a`` computes it again.
+        It has the graph before the first change, each change with its tick, and the result;
+        ``runtime replay a`` computes it again. See :mod:`runtime.sessions.saving`.
 
         Raises
         ------
         UsageError : the folder exists, or cannot be written.
         """
-        place = Path(folder)
-        try:  # infinity included, which json reads again
-            lines = "".join(f"{json.dumps(entry)}\n" for entry in self._log.entries())
-        except TypeError as error:
-            raise UsageError(f"a change has a value that no file can hold: {error}") from None
-        content = {"session": VERSION, "ticks": self.tick, "changes": len(self._log)}
-        result = self._result()
-        if place.exists():
-            raise UsageError(f"'{place}' exists already; choose another folder")
-        plain, named = portable(self.first.to_dict(modules=True), self.first.texts)
-        with system_errors(f"write '{place}'"):
-            beside = contents(named, self.first.texts)
-            refuse_link(place)
-            fresh = place.with_name(f".{place.name}-{os.urandom(3).hex()}.partial")
-            try:
-                written: dict[str, Content] = {
-                    GRAPH: dump_yaml(plain),
-                    CHANGES: lines,
-                    SESSION: json.dumps(content),
-                }
-                written |= beside
-                write_files({fresh / name: data for name, data in written.items()}, True)
-                result.save(fresh / RUN)
-                fresh.rename(place)
-            except BaseException:
-                remove_tree(fresh)
-                raise
-        return place
-
-    def __repr__(self) -> str:
-        return (
-            f"<Session '{self._engine.network.title}' at t = {self.t:g}: {len(self._log)} changes>"
-        )
+        return save_session(Path(folder), self.first, self._log, self.tick, self._result)
 
     def _prepared(self, graph: ChangeableGraph) -> Engine:
         prepared = graph.prepared(growing=True)
@@ -427,11 +408,3 @@ class Session:
             self._engine = engine
             self._signals = Signals(engine)
         self._failed = None
-
-
-def _copied(call: Callable[[], _T]) -> _T:
-    """What a call returns that copies memory of blocks."""
-    try:
-        return call()
-    except NotCopiedError as error:
-        raise UsageError(str(error)) from None
