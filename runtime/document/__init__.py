@@ -17,7 +17,7 @@ from runtime.document.arrays import (
     arrays_in,
     with_folder,
 )
-from runtime.document.difference import changed_paths, difference
+from runtime.document.difference import changed_paths, difference, same
 from runtime.document.edits import (
     Override,
     add_block,

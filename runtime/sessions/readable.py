@@ -21,7 +21,7 @@ from runtime.sessions.log import Log
 from runtime.sessions.signals import Signals
 
 
-class Readable:
+class _Readable:
     """The part of a session that only looks."""
 
     _inside: threading.Lock

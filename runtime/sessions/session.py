@@ -38,7 +38,7 @@ from runtime.sessions.kept import (
     change_between,
 )
 from runtime.sessions.log import Change, Log, repeat
-from runtime.sessions.readable import Readable
+from runtime.sessions.readable import _Readable
 from runtime.sessions.saving import save_session
 from runtime.sessions.signals import Signals
 
@@ -48,7 +48,7 @@ _P = ParamSpec("_P")
 CALLS = ("write", "set", "wire", "without", "bypass", "replace", "overlay")
 
 
-class Session(Readable):
+class Session(_Readable):
     """A run of a graph that goes on as it is told.
 
     Parameters
