@@ -4,7 +4,9 @@
 they read, and writes one translation unit with the methods that other units call. A construct is
 written only where its meaning is Python's and NumPy's, and refused with file and line otherwise;
 what C cannot hold while it runs, as an integer beyond 64 bits, is a failure. Array expressions
-become loops; local arrays come from an arena; there is no recursion.
+become loops; local arrays come from an arena; there is no recursion. The functions of a unit are
+kept in a typed form, of which ``Counter`` asks how many operations they take and ``stored`` what
+they write to.
 
     def ratio(x):           static double ratio(struct context *ctx, double x)
         return x / (x - 1.0)    return divide(ctx, x, x - 1.0, 3);   /* failure 3: ... (own.py:7) */
@@ -18,6 +20,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.codegen.names import unused
+    from runtime.codegen.operations import MATH, Counter, Operations
     from runtime.codegen.source import (
         ANY_ORDER,
         Entry,
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
         apart,
         support,
     )
+    from runtime.codegen.stores import stored
     from runtime.codegen.types import (
         BOOL,
         FLOAT,
@@ -40,7 +44,7 @@ if TYPE_CHECKING:
         leaves,
         unknown_call,
     )
-    from runtime.codegen.unit import Unit, Writer
+    from runtime.codegen.unit import CFunction, Unit, Writer
     from runtime.codegen.ziggurat import draws_text
 else:  # Imported where something is written, not at every start.
     __getattr__ = door(__name__)

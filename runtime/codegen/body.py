@@ -16,7 +16,6 @@ from typing import Protocol
 
 from runtime.codegen.form import (
     CTX,
-    SELF,
     Call,
     Declare,
     Do,
@@ -26,11 +25,11 @@ from runtime.codegen.form import (
     If,
     Item,
     Literal,
-    Member,
     Name,
     Prefix,
     Set,
     Statement,
+    entry,
     names,
     product,
 )
@@ -306,7 +305,7 @@ class Body:
         found: list[Expr] = []
         for suffix, c_type in leaves(kind):
             own = f"{target}{suffix}"
-            self.heads[own] = Declare(c_type, own, Member(SELF, f"->{own}"))
+            self.heads[own] = Declare(c_type, own, entry(own))
             found.append(Name(own, True))
         return Value(kind, tuple(found))
 

@@ -186,6 +186,11 @@ class Choice(Expr):
 CTX, SELF, NULL = Name("ctx", True), Name("self", True), Name("NULL", True)
 
 
+def entry(name: str) -> Member:
+    """A member of the block's struct."""
+    return Member(SELF, f"->{name}")
+
+
 def names(expr: Expr) -> Iterator[str]:
     """The variables that an expression uses, each as often as it does."""
     waiting: list[Expr] = [expr]

@@ -53,6 +53,17 @@ CODES = {"double": "d", "int64_t": "i", "bool": "b"}
 
 
 @dataclass(frozen=True)
+class CFunction:
+    """A function of a unit as it was written, without the ways out after a failure.
+
+    parameters : C types and names.
+    """
+
+    parameters: tuple[Parameter, ...]
+    statements: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
 class Unit:
     """A finished unit.
 
@@ -60,12 +71,14 @@ class Unit:
     failures : by number: exception, message with {index}, {size} and {axis}, file, line.
     words : the entries' C names and types, in the order of the struct.
     prototypes : of the methods, for other units.
+    functions : by their names in C.
     """
 
     text: str
     failures: list[tuple[str, str, str, int]]
     words: list[tuple[str, str]]
     prototypes: list[str]
+    functions: Mapping[str, CFunction]
 
 
 @dataclass(frozen=True)
@@ -106,6 +119,7 @@ class Writer:
         # The functions that each of those calls that are being built.
         self.stack: list[set[str]] = []
         self.prototypes: list[str] = []
+        self.functions: dict[str, CFunction] = {}
 
     def unit(self, entries: Sequence[Entry], title: str = "") -> Unit:
         """The whole unit, with these methods.
@@ -136,7 +150,7 @@ class Writer:
             ]
         )
         text = "\n".join([*_comment(title), support(text), text])
-        return Unit(text, self.failures.listed, words, self.prototypes)
+        return Unit(text, self.failures.listed, words, self.prototypes, self.functions)
 
     def reached(self, names: Sequence[str]) -> set[str]:
         """The names of functions that are called, directly or not."""
@@ -299,7 +313,9 @@ class Writer:
         context, entries = "ctx" in names, "self" in names
         unused = [each for _, each in parameters if each not in names]
         first = [CONTEXT] * context + [ENTRIES] * entries
-        taken = ", ".join(declared(*each) for each in [*first, *parameters]) or "void"
+        whole = (*first, *parameters)
+        self.functions[name] = CFunction(whole, tuple(statements))
+        taken = ", ".join(declared(*each) for each in whole) or "void"
         is_plain = {c for c, _ in parameters} == {"double"} and c_type == "double"
         has_loops = any(isinstance(each, (For, While)) for each in walk(statements))
         kept = "static" if context or entries or has_loops or not is_plain else "LANE"
@@ -347,6 +363,7 @@ class Writer:
         names = _names(statements)
         signature = f"void {entry.symbol}({{}})"
         taken = [CONTEXT, ENTRIES, *parameters]
+        self.functions[entry.symbol] = CFunction(tuple(taken), tuple(statements))
         head = signature.format(", ".join(declared(*each) for each in taken))
         # Other units have another struct of entries.
         taken[1] = ("const void *", "self")

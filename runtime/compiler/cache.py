@@ -30,7 +30,7 @@ from blocks.files import read
 from blocks.limits import MODULE
 from blocks.registry import is_built_in
 from runtime import codegen
-from runtime.codegen import Source
+from runtime.codegen import CFunction, Source
 from runtime.compiler.fields import WRITTEN, Fields, NotCompilableError
 from runtime.toolchain import digest, read_record, write_record
 
@@ -56,23 +56,34 @@ class Records:
 
     Blocks of one type share the C text of theirs: 10,000 blocks of four types hold four texts.
 
-    ``translations`` has those of this compilation by block type and signature.
+    ``translations`` has those of this compilation by block type and signature, ``functions`` the
+    typed form of the units that it has written, by record.
+
+    Parameters
+    ----------
+    typed : whether all units are written again, since the cache has no typed form.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, typed: bool = False) -> None:
+        self.typed = typed
+        self.functions: dict[str, Mapping[str, CFunction]] = {}
         self._known: dict[str, Any] = {}
         self.translations: dict[tuple[type, str], Translation] = {}
 
     def read(self, name: str) -> Any:
         """A record; None if there is none."""
         if name not in self._known:
-            self._known[name] = read_record(name)
+            is_written_again = self.typed and name.startswith("block_")
+            self._known[name] = None if is_written_again else read_record(name)
         return self._known[name]
 
-    def write(self, name: str, record: Any) -> None:
+    def write(
+        self, name: str, record: Any, functions: Mapping[str, CFunction] | None = None
+    ) -> None:
         """Store a record."""
         write_record(name, record)
         self._known[name] = record
+        self.functions[name] = functions or {}
 
 
 def translation(

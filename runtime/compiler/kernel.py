@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from blocks.core import (
@@ -27,7 +27,7 @@ from blocks.core import (
     SignalType,
 )
 from blocks.registry import is_built_in
-from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, apart
+from runtime.codegen import FLOAT, Array, CFunction, Entry, RefusedError, Source, Tuple, Type, apart
 from runtime.compiler.cache import Records, salt, source_of, translation
 from runtime.compiler.fields import Fields, NotCompilableError, written
 from runtime.toolchain import TranslationUnit, digest
@@ -54,7 +54,9 @@ class Kernel:
 
     symbols, prototypes : the C name and declaration of each method.
     failures : what can go wrong while it runs, by number: exception, message, file, line.
-    words : how many words its struct has; ``struct`` is its name inside of another unit.
+    words : the members of its struct, as names and C types; ``struct`` is its name inside of
+        another unit.
+    functions : in the typed form, by their names in C, if they were asked for.
     is_new : it was written, not read from the cache.
     """
 
@@ -64,7 +66,8 @@ class Kernel:
     symbols: dict[str, str]
     prototypes: list[str]
     failures: list[Failure]
-    words: int
+    words: tuple[tuple[str, str], ...]
+    functions: Mapping[str, CFunction]
     is_new: bool = False
     struct: str = ""
 
@@ -191,33 +194,43 @@ def make_kernel(
     record = records.read(f"block_{key}.json")
     is_new = record is None
     if record is None:
-        record = _written(source_of(made, state, terms), entries, key, title, checked)
-        records.write(f"block_{key}.json", record)
+        record, functions = _write(source_of(made, state, terms), entries, key, title, checked)
+        records.write(f"block_{key}.json", record, functions)
     if "refused" in record:
         raise NotCompilableError(record["refused"])
     failures = [(str(a), str(b), str(c), int(d)) for a, b, c, d in record["failures"]]
     symbols = {c.method: _symbol(key, e) for c, e in zip(calls, entries, strict=True)}
-    prototypes, words = record["prototypes"], len(record["words"])
-    name = cls.__name__
-    text = record["text"]
-    return Kernel(found.fields, name, text, symbols, prototypes, failures, words, is_new)
+    return Kernel(
+        inputs=found.fields,
+        name=cls.__name__,
+        text=record["text"],
+        symbols=symbols,
+        prototypes=record["prototypes"],
+        failures=failures,
+        words=tuple((str(word), str(c_type)) for word, c_type in record["words"]),
+        functions=records.functions.get(f"block_{key}.json", {}),
+        is_new=is_new,
+    )
 
 
-def _written(
+def _write(
     source: Source, entries: Sequence[Entry], key: str, title: str, checked: bool
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], Mapping[str, CFunction]]:
+    """The record of a block for the cache, and its functions in the typed form."""
     # Imported where something is written: most starts find everything in the cache.
     from runtime.codegen import Writer
 
     named = [Entry(_symbol(key, e), e.function, e.arguments, e.results) for e in entries]
     try:
-        return asdict(Writer(source, checked).unit(named, title))
+        unit = Writer(source, checked).unit(named, title)
     except RefusedError as error:
-        return {"refused": str(error)}
+        return {"refused": str(error)}, {}
     except Exception as error:
         # A fault of the generator must not end a run that Python can do.
         text = f"cannot be written as C: {type(error).__name__}: {error}"
         raise NotCompilableError(text) from error
+    members = {"text": unit.text, "failures": unit.failures, "words": unit.words}
+    return {**members, "prototypes": unit.prototypes}, unit.functions
 
 
 def _symbol(key: str, entry: Entry) -> str:

@@ -1,8 +1,9 @@
 """A part of a graph as C for a microcontroller, with a test that replays a recorded run.
 
 ``selection`` is what is exported, ``units`` the blocks' C text, ``tuning`` what follows from their
-parameters, ``unchanged`` what is constant; ``files`` and ``library`` write around it,
-``recording`` is the run to compare with, ``report`` what it all needs.
+parameters; ``files`` and ``library`` write around it, ``recording`` is the run to compare with,
+``report`` what it all needs. What a block stores to and how many operations it takes is asked of
+its typed form (``stored`` and ``Counter`` of :mod:`runtime.codegen`).
 """
 
 from pathlib import Path

@@ -35,7 +35,6 @@ from runtime.toolchain import available
 
 SPARE = 2  # of the arena over what was used, where sizes have no bound
 UNMEASURED = 2**24  # bytes of the arena where sizes have no bound, before they are measured
-SOLVERS = re.compile(r"^static void ((?:solver|loop)_\w+)\(", re.MULTILINE)
 CMAKE_FILE = "CMakeLists.txt"
 
 
@@ -157,8 +156,9 @@ def layout_of(
     units = write_units(selection, engine.state.blocks, name)
     with fixed_sizes():
         plan = c_plan(selection.plan, program.names, units.kernels, selection.inputs)
-    for text in plan.inner:
-        measure(units, "the solver", text, SOLVERS.findall(text))
+    for solver in plan.solvers:
+        symbols = [entry.symbol for entry in solver.entries]
+        measure(units, "the solver", solver.write().functions, symbols)
     names = program.names
     constants = {p: np.asarray(engine.namespace[names.signals[p]]) for p in selection.constants}
     arrays = {k: v for k, v in engine.namespace.items() if isinstance(v, np.ndarray)}

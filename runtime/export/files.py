@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, IntArray
-from runtime.codegen import draws_text, support
+from runtime.codegen import MATH, draws_text, support
 from runtime.engine.compiled import Ending
 from runtime.export.interface import C_TYPES, InterfaceText, literal, renamed, table
 from runtime.export.layout import Layout, comment
-from runtime.export.operations import MATH
 from runtime.export.pruning import pruned
 from runtime.export.templates import HEADER, LEARNT_FUNCTIONS, SOURCE, TEST, WEIGHTS
 from runtime.plan import Port

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from blocks.core import BlockState, SignalType
+from runtime.codegen import stored
 from runtime.engine.compiled import PlanText
 from runtime.errors import UsageError
 from runtime.export.names import member_name, unused
 from runtime.export.selection import Selection
 from runtime.export.tuning import Followed, followed
-from runtime.export.unchanged import stored
 from runtime.export.units import Units
 from runtime.plan import Port, numbers_in
 
@@ -264,7 +264,8 @@ class Layout:
         moving = {(owner, f"state_{item}") for kind, owner, item in pointers if kind == "state"}
         moving |= self.others.keys()
         for block, text in self.units.blocks.items():
-            moving |= {(block, word) for word in stored(self.units.text, text.prefix)}
+            written = stored(text.functions, text.methods.values())
+            moving |= {(block, word) for word in written}
         arrays = {**self.others, **self._owned}
         changed = [arrays[key] for key in moving if key in arrays]
         return frozenset(

@@ -1,7 +1,8 @@
-"""Leaves out of a C text what nothing in it uses.
+"""Leaves out of a C file what nothing in it uses, as a linker does.
 
 In goes a whole source, out comes the same without the static functions and tables that are named
-nowhere else: of the support library and of blocks, most controllers use a small part.
+nowhere else. Most of it is support.h, which is written by hand and has no typed form: a controller
+uses a small part of it.
 
     static double twice(double x) { ... }      goes, if nothing calls it
     static const double table_a[3] = {...};    goes, if nothing reads it

@@ -8,9 +8,9 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from runtime.codegen import Counter, Operations
 from runtime.export.files import Replay
 from runtime.export.layout import Layout
-from runtime.export.operations import Operations, counter
 from runtime.export.recording import Native, still
 from runtime.plan import Port
 
@@ -21,12 +21,11 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-c")
 
 def operations(layout: Layout) -> dict[str, Operations]:
     """The operations of a step that computes everything, by block."""
-    count = counter(layout.units.text)
     found: dict[str, Operations] = {}
     for call in layout.selection.calls:
         text = layout.units.blocks[call.block]
-        name = f"{text.prefix}__{call.method}"
-        found.setdefault(call.block, Operations()).add(count.of(name, text.integers))
+        count = Counter(text.functions).count(text.methods[call.method], text.integers)
+        found.setdefault(call.block, Operations()).add(count)
     return found
 
 

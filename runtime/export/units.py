@@ -12,21 +12,19 @@ from typing import Any
 import numpy as np
 
 from blocks.core import BlockState
-from runtime.codegen import unused
+from runtime.codegen import CFunction, Counter, unused
 from runtime.compiler import Kernel, bits_of, fixed_sizes
 from runtime.engine.compiled import make_kernels
 from runtime.errors import GraphError, Problem
-from runtime.export.operations import counter
 from runtime.export.selection import Selection
-
-ENTRIES = re.compile(r"^struct entries \{\n(.*?)^\};", re.MULTILINE | re.DOTALL)
-MEMBER = re.compile(r"^    (.*?)(\w+);$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class BlockText:
     """One block: the prefix of its functions, and the values of its entries.
 
+    functions : in the typed form, by their names before they have the prefix. methods : the names
+        of its methods among them.
     failures : by number, as the text has them: what went wrong, and where.
     words : the members of its ``struct <prefix>_entries`` with their C types, and for each the
         value: a number, or an array (of a generator, its bits).
@@ -34,6 +32,8 @@ class BlockText:
     """
 
     prefix: str
+    functions: Mapping[str, CFunction]
+    methods: Mapping[str, str]
     failures: tuple[str, ...]
     words: tuple[tuple[str, str], ...]
     values: tuple[Any, ...]
@@ -75,7 +75,7 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
     """
     network = selection.network
     with fixed_sizes():
-        kernels = make_kernels(network, states)
+        kernels = make_kernels(network, states, typed=True)
     units, problems = Units(), []
     known: dict[tuple[str, str], str] = {}
     taken = {controller}
@@ -96,14 +96,21 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
         enclosed = units.kernels[name] = kernel.enclosed(known[key])
         if is_new:
             texts.append(enclosed.text)
-        words, failures = _words(kernel.text), tuple(map(_failure_text, kernel.failures))
         owned = _owned(kernel, values)
         values = tuple(
             bits_of(value, name).copy() if isinstance(value, np.random.Generator) else value
             for value in values
         )
-        block = units.blocks[name] = BlockText(known[key], failures, words, values, owned)
-        measure(units, name, enclosed.text, enclosed.symbols.values(), block.integers)
+        block = units.blocks[name] = BlockText(
+            prefix=known[key],
+            functions=kernel.functions,
+            methods=kernel.symbols,
+            failures=tuple(map(_failure_text, kernel.failures)),
+            words=kernel.words,
+            values=values,
+            owned=owned,
+        )
+        measure(units, name, kernel.functions, kernel.symbols.values(), block.integers)
     if problems:
         raise GraphError(problems)
     units.text = "\n".join(texts)
@@ -119,18 +126,11 @@ def leaves(value: Any) -> list[Any]:
 
 def _owned(kernel: Kernel, values: tuple[Any, ...]) -> tuple[bool, ...]:
     """Which values are arrays of the block's state."""
-    owners = [word.partition("_")[0] for word, _ in _words(kernel.text)]
+    owners = [word.partition("_")[0] for word, _ in kernel.words]
     return tuple(
         owner == "state" and isinstance(value, (np.ndarray, np.random.Generator))
         for owner, value in zip(owners, values, strict=True)
     )
-
-
-def _words(text: str) -> tuple[tuple[str, str], ...]:
-    """The members of a unit's ``struct entries``, and their C types."""
-    found = ENTRIES.search(text)
-    members = MEMBER.findall(found.group(1)) if found else []
-    return tuple((name, kind.strip()) for kind, name in members if name != "none")
 
 
 def _failure_text(failure: tuple[str, str, str, int]) -> str:
@@ -143,14 +143,14 @@ def _failure_text(failure: tuple[str, str, str, int]) -> str:
 def measure(
     units: Units,
     owner: str,
-    text: str,
+    functions: Mapping[str, CFunction],
     names: Iterable[str],
     integers: Mapping[str, int] = MappingProxyType({}),
 ) -> None:
     """What the local arrays of functions need, given the integers of their block."""
-    count = counter(text)
+    counter = Counter(functions)
     for name in names:
-        found = count.of(name, integers)
+        found = counter.count(name, integers)
         units.reserved = max(units.reserved, found.reserved)
         units.open |= {owner} if found.is_open else set()
 

@@ -29,7 +29,7 @@ from runtime.engine.compiled.signals import (
     SignalText,
     leaves,
 )
-from runtime.engine.compiled.solver_unit import newton_unit, solver_unit
+from runtime.engine.compiled.solver_unit import SolverUnit, newton_unit, solver_unit
 from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
 from runtime.engine.python_text import CONDITIONS, EARLIER, row
@@ -54,7 +54,6 @@ from runtime.plan import (
     Zero,
     numbers_in,
 )
-from runtime.toolchain import TranslationUnit
 
 INTEGRATE = -1
 
@@ -65,7 +64,7 @@ class PlanText:
 
     text : in C, without the support that every unit begins with.
     calls : by their number in ``at``.
-    others : the units of the solver of a graph with continuous states, and of those of loops.
+    solvers : the units of the solver of a graph with continuous states, and of those of loops.
     inner : in a text for export, these units as parts of it.
     integrates : whether the integration is in C; the part INTEGRATE is nothing but that.
     driver : the Python loop around it, empty if nothing is called between its ``parts``; ``lines``
@@ -75,7 +74,7 @@ class PlanText:
     text: str
     struct: Struct
     calls: list[Call]
-    others: list[TranslationUnit] = field(default_factory=list)
+    solvers: list[SolverUnit] = field(default_factory=list)
     inner: list[str] = field(default_factory=list)
     driver: str = ""
     parts: int = 1
@@ -97,7 +96,7 @@ def c_plan(
     is_one = not any(isinstance(each, (Integrate, Solve)) for each in plan.operations)
     has_locals = is_one and len(parts) == 1 and outside is None
     printer = EngineText(plan, names, kernels, has_locals, outside or ())
-    made = PlanText("", printer.struct, printer.calls, printer.others, parts=len(parts))
+    made = PlanText("", printer.struct, printer.calls, printer.used, parts=len(parts))
     for number, part in enumerate(parts):
         at = [i for i, each in enumerate(part) if isinstance(each, Integrate)]
         made.integrates |= bool(at)
@@ -123,7 +122,9 @@ def c_plan(
         run = run.replace(mark, "\n".join(lines))
     declared = printer.struct.text("plan", "places") if outside is None else ""
     if outside is not None:
-        made.inner = [enclosed(unit.text, f"solver_{i}") for i, unit in enumerate(printer.others)]
+        made.inner = [
+            enclosed(solver.unit.text, f"solver_{i}") for i, solver in enumerate(printer.used)
+        ]
     made.text = "\n".join([declared, prototypes, HELPERS + printer.functions + run])
     return made
 
@@ -167,7 +168,7 @@ class EngineText(SignalText):
         outside: Collection[Port] = (),
     ) -> None:
         super().__init__(plan, names, kernels, has_locals, outside)
-        self.others: list[TranslationUnit] = []
+        self.used: list[SolverUnit] = []
         self.own: set[str] = set()
         self.functions = ""
         self.printers |= {
@@ -219,17 +220,18 @@ class EngineText(SignalText):
         """The address of a block's struct: of a block inside of the plan's unit, a member."""
         if not kernel.struct:
             return self.struct.fields(block)
-        return self.struct.inner(block, kernel.struct, kernel.words)
+        return self.struct.inner(block, kernel.struct, len(kernel.words))
 
-    def uses(self, unit: TranslationUnit, prototypes: Sequence[str]) -> None:
+    def uses(self, solver: SolverUnit) -> None:
         """Build a unit as well, and call its functions."""
-        self.others += [] if unit in self.others else [unit]
-        self.own |= set(prototypes)
+        if solver not in self.used:
+            self.used.append(solver)
+            self.own |= set(solver.prototypes)
 
     def solve(self, solve: Solve) -> None:
         """Try values of the unknowns, until the calls compute the same."""
         self.tested()
-        self.uses(*newton_unit(solve.size))
+        self.uses(newton_unit(solve.size))
         memory = self.struct.array(f"loop_{solve.number}")
         given = f"{memory}, {self.struct.array(f'loop_{solve.number}_control')}, &going"
         with self.block(""):
@@ -296,7 +298,7 @@ class EngineText(SignalText):
         """Integrate to the next tick, or to the time in between at which the run stops."""
         self.tested()
         method = method_of(part.solver, part.colours)
-        self.uses(*solver_unit(part, method))
+        self.uses(solver_unit(part, method))
         if method.errors:
             self.attempts(part, method)
             self.put(f"({self.solvers('control')})[8] = (double)k * dt;")

@@ -42,6 +42,7 @@ def make_kernels(
     states: Mapping[str, BlockState],
     checked: bool = False,
     begin: Callable[[Kernel], None] = lambda _: None,
+    typed: bool = False,
 ) -> Kernels:
     """Write every block that is evaluated or updated in a tick.
 
@@ -50,8 +51,9 @@ def make_kernels(
     states : after ``start``.
     checked : with a check of every index that may be outside of its array.
     begin : called with each block that was written and not read from the cache.
+    typed : with the functions of each block in the typed form.
     """
-    kernels, records = Kernels(), Records()
+    kernels, records = Kernels(), Records(typed)
     # Sorted by block once: a search of the whole network per block is quadratic.
     shapes: defaultdict[str, list[tuple[int, ...]]] = defaultdict(list)
     for slot in continuous_row(network).slots:

@@ -103,7 +103,9 @@ def _built(
         plan = TranslationUnit(PLAN, _whole([*texts, text.text]), level)
         units = {kernel.text: kernel.unit for kernel in others.values()}
         try:
-            library = builder.build([plan, *text.others, *units.values()], tell)
+            library = builder.build(
+                [plan, *(solver.unit for solver in text.solvers), *units.values()], tell
+            )
         except BuildError as error:
             if error.unit == PLAN and small:
                 inside = False  # compiled one by one, errors name their block
@@ -176,7 +178,7 @@ class CompiledRunner:
         for name, to in self.struct.pointers.items():
             self._pointer(name, *to)
         for block in self.struct.inside.values():
-            self.fields[block] = Words(self.kernels.compiled[block].words)
+            self.fields[block] = Words(len(self.kernels.compiled[block].words))
         for owner in self.fields:
             entry, kernel = self.network.entries[owner], self.kernels.compiled[owner]
             self._fill(owner, kernel.fields(entry.block, context.states[owner]))
@@ -188,7 +190,7 @@ class CompiledRunner:
         """Fill a member of the plan's places that is an address."""
         at, _ = self.struct.places[name]
         if kind == "fields":
-            self.fields[owner] = Words(self.kernels.compiled[owner].words)
+            self.fields[owner] = Words(len(self.kernels.compiled[owner].words))
             self.places.point(at, self.fields[owner].ints)
             return
         value = self.context.namespace[owner] if kind == "array" else None

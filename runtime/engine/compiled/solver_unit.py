@@ -7,11 +7,13 @@ of a step has the same bits under both engines.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from inspect import signature
 from typing import Any
 
 from runtime import engine
-from runtime.codegen import FLOAT, INT, Array, Entry, Type
+from runtime.codegen import FLOAT, INT, Array, Entry, Type, Unit
 from runtime.compiler import salt
 from runtime.engine import loops
 from runtime.engine.events import (
@@ -62,8 +64,49 @@ IMPLICIT: list[Any] = [difference, fill, factor_loops, solve_loops, implicit_loo
 TITLE = "The solver of the continuous states."
 
 
-def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[str]]:
-    """The functions that a solver calls, as a C unit with their declarations."""
+@dataclass(frozen=True)
+class SolverUnit:
+    """Functions that a solver calls, as a C unit.
+
+    functions : of the Python engine. entries : those of them that the plan calls.
+    """
+
+    name: str
+    title: str
+    entries: list[Entry]
+    functions: list[Any]
+
+    def write(self) -> Unit:
+        """Write the unit."""
+        # Imported where something is written: most starts find everything in the cache.
+        from runtime.codegen import Writer
+        from runtime.compiler import translate_functions
+
+        return Writer(translate_functions(self.functions)).unit(self.entries, self.title)
+
+    @cached_property
+    def _record(self) -> Any:
+        key = f"solver_{digest(salt(engine), repr(self.entries))}.json"
+        record = read_record(key)
+        if record is None:
+            made = self.write()
+            record = {"text": made.text, "prototypes": made.prototypes}
+            write_record(key, record)
+        return record
+
+    @property
+    def unit(self) -> TranslationUnit:
+        """The unit for the C compiler, from the cache if it is there."""
+        return TranslationUnit(self.name, self._record["text"])
+
+    @property
+    def prototypes(self) -> list[str]:
+        """The declarations of its entries."""
+        return list(self._record["prototypes"])
+
+
+def solver_unit(part: Integrate, method: Method) -> SolverUnit:
+    """The functions that a solver calls."""
     size = part.row.size
     row = Array("float", (size,))
     slopes = Array("float", (method.slope_rows(size), size))
@@ -97,11 +140,11 @@ def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[
         entries += located(len(part.directions))
         functions += [next_end, opened, proposed, beyond, nearness, met, accept]
         functions += [following, came_back, settled, followed, narrowed, decided, guess, noted]
-    return _written("the solver", entries, functions, TITLE)
+    return SolverUnit("the solver", TITLE, entries, functions)
 
 
-def newton_unit(size: int) -> tuple[TranslationUnit, list[str]]:
-    """The functions that solve an algebraic loop with so many unknowns, as :func:`solver_unit`."""
+def newton_unit(size: int) -> SolverUnit:
+    """The functions that solve an algebraic loop with so many unknowns."""
     memory, control = Array("float", (loops.SLOPES + size, size)), Array("float", (4,))
     taken: list[tuple[str, Type]] = [("memory", memory), ("control", control)]
     entries = [
@@ -111,23 +154,7 @@ def newton_unit(size: int) -> tuple[TranslationUnit, list[str]]:
     functions = [loops.begun, loops.newton, loops.column, loops.shift, loops.move]
     functions += [loops.shorter, loops.linear]
     title = "Newton's method for an algebraic loop."
-    return _written(f"Newton's method for {size}", entries, functions, title)
-
-
-def _written(
-    name: str, entries: list[Entry], functions: list[Any], title: str
-) -> tuple[TranslationUnit, list[str]]:
-    key = f"solver_{digest(salt(engine), repr(entries))}.json"
-    record = read_record(key)
-    if record is None:
-        # Imported where something is written: most starts find everything in the cache.
-        from runtime.codegen import Writer
-        from runtime.compiler import translate_functions
-
-        made = Writer(translate_functions(functions)).unit(entries, title)
-        record = {"text": made.text, "prototypes": made.prototypes}
-        write_record(key, record)
-    return TranslationUnit(name, record["text"]), record["prototypes"]
+    return SolverUnit(f"Newton's method for {size}", title, entries, functions)
 
 
 def located(guards: int) -> list[Entry]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -265,15 +266,15 @@ def test_a_block_that_the_c_compiler_does_not_accept_is_called_from_python(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    written = kernel._written
+    write = kernel._write
 
-    def wrong(*arguments: object) -> dict[str, object]:
-        record = written(*arguments)
+    def wrong(*arguments: Any) -> Any:
+        record, functions = write(*arguments)
         if "Doubled" in arguments[3]:
             record["text"] = record["text"].replace("2.0 *", "2.0 **")
-        return record
+        return record, functions
 
-    monkeypatch.setattr(kernel, "_written", wrong)
+    monkeypatch.setattr(kernel, "_write", wrong)
     a, b = engines(chain(Doubled()))
     assert_equal(a, b)
     assert b.manifest["engine"] == "compiled"

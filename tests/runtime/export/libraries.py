@@ -8,6 +8,7 @@ math.h, :func:`differences` says how far musl's results are from those of this c
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -18,9 +19,10 @@ from shutil import which
 import numpy as np
 
 from runtime import toolchain
-from runtime.export.operations import INEXACT
+from runtime.codegen import MATH
 from runtime.toolchain.library import FLAGS
 
+INEXACT = tuple(name for name in toolchain.INEXACT if name in MATH)
 OWN, MUSL, WASM = "own", "musl", "wasm"
 TARGETS = {MUSL: "x86_64-linux-musl", WASM: "wasm32-wasi"}
 BITS = FLAGS[2:]  # of the toolchain, which decide on bits: no fused operations, no known functions
@@ -55,6 +57,11 @@ int main(void)
 }
 """
 TWO = ("atan2", "hypot", "pow")
+
+
+def inexact(text: str) -> list[str]:
+    """The functions that a C text calls of which libraries differ in the last bits."""
+    return [name for name in INEXACT if re.search(rf"\b(?:real_)?{name}\(", text)]
 
 
 def available() -> bool:

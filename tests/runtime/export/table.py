@@ -19,7 +19,6 @@ import runtime
 from runtime.errors import SpikeblocksError
 from runtime.export import export
 from runtime.export.fmu import export_fmu
-from runtime.export.operations import inexact
 from tests.runtime.export import libraries
 
 ROOT = Path(__file__).parents[3]
@@ -73,7 +72,9 @@ def row(name: str) -> str:
         code = int(_find(r": (\d+) bytes of code", report) or 0)
         ram = int(_find(r"controller: (\d+) bytes", report))
         equal, other = webassembly(folder / "c", ticks)
-        functions = ", ".join(inexact((folder / "c" / "controller.c").read_text(encoding="utf-8")))
+        functions = ", ".join(
+            libraries.inexact((folder / "c" / "controller.c").read_text(encoding="utf-8"))
+        )
         signals, size = fmu(graph, folder / "fmu")
     cells = (name, f"{ticks:,} of {graph.network.ticks:,}", f"{apart:.2g}", equal, other, functions)
     return " | ".join([*cells, signals, f"{code:,}" if code else "–", f"{ram:,}", f"{size:.0f}"])

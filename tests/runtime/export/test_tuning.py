@@ -15,7 +15,6 @@ from blocks import Block
 from runtime import toolchain
 from runtime.export import export
 from runtime.export.library import export_library
-from runtime.export.unchanged import stored
 from tests.runtime.export.every_block import first_cases, graph_of
 from tests.runtime.export.test_every_block import exportable
 
@@ -189,30 +188,6 @@ def test_ports_of_the_graph_name_members(tmp_path: Path) -> None:
     network = runtime.load("gallery/cart_pole_balance").network
     assert {name for name, _ in made.members[0]} == set(network.inputs)
     assert set(network.outputs) <= {name for name, _ in made.members[1]}
-
-
-STORES = """
-static void put(double *to, const double *from)
-{
-    to[0] = from[0];
-}
-
-static void one__output(struct context *ctx, const struct one_entries *self, double t)
-{
-    double *const state_a = self->state_a;
-    double *const state_b = self->state_b;
-    double *const state_c = self->state_c;
-    double *part = NULL;
-    part = state_c + 2;
-    put(state_a, state_b);
-    part[1] += state_b[0] * 2.0;
-}
-"""
-
-
-def test_what_is_stored_through_is_no_constant() -> None:
-    assert stored(STORES, "one") == {"state_a", "state_c"}
-    assert stored(STORES.replace("part[1] +=", "ctx->x ="), "one") == {"state_a"}
 
 
 def test_a_filter_that_is_tuned_follows_its_formula(tmp_path: Path) -> None:
