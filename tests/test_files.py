@@ -35,7 +35,7 @@ EXCEPTIONS = {
     "runtime.codegen.source": OWN,
     "runtime.codegen.ziggurat": OWN,
     "runtime.reports.zoom": OWN,
-    "runtime.reports.html": OWN,
+    "runtime.reports.page": OWN,
     "runtime.runs.fingerprint": "read_text of importlib.metadata",
     "runtime.runs.commit": "a git folder that it has just made",
     "runtime.toolchain.compilers": "the system's description of its processors",

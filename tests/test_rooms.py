@@ -36,7 +36,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),
     ("runtime.files",),
     ("runtime.terminal", "runtime.toolchain"),
-    ("runtime.arguments",),
+    ("runtime.arguments", "runtime.tables"),
     ("runtime.document",),
     ("runtime.network",),
     ("runtime.observation", "runtime.descriptions"),

@@ -12,7 +12,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from runtime.terminal import number, table
+from runtime.tables import Table
+from runtime.terminal import number
 
 if TYPE_CHECKING:
     from runtime.runs import Linearization, Trim
@@ -40,14 +41,14 @@ def as_text(title: str, found: Linearization) -> str:
         ("D", found.d, found.outputs, found.inputs),
     ):
         if rows and columns:
-            cells = [("", *columns)]
-            cells += [(row, *map(number, m.tolist())) for row, m in zip(rows, matrix, strict=True)]
-            lines += ["", name, table(cells, right=range(1, len(columns) + 1))]
+            cells = [[row, *m.tolist()] for row, m in zip(rows, matrix, strict=True)]
+            right = range(1, len(columns) + 1)
+            lines += ["", name, Table.of(["", *columns], cells, numbers=right).text()]
     if found.period:
-        cells = [("z", "abs(z)", f"s = log(z) / {found.period:g} {unit}")]
+        head = ["z", "abs(z)", f"s = log(z) / {found.period:g} {unit}"]
         pairs = zip(found.poles, found.equivalent, strict=True)
-        cells += [(_complex(z), f"{abs(z):.6g}", _complex(s)) for z, s in pairs]
-        lines += ["", "Poles in the z plane", table(cells)]
+        cells = [[_complex(z), f"{abs(z):.6g}", _complex(s)] for z, s in pairs]
+        lines += ["", "Poles in the z plane", Table.of(head, cells).text()]
     else:
         lines += ["", f"Poles (1/{unit})", *(f"  {_complex(pole)}" for pole in found.poles)]
     verdict = "stable" if found.is_stable else "not stable"
@@ -92,7 +93,7 @@ def _complex(value: complex) -> str:
 def margins_text(numbers: Mapping[str, float], unit: str) -> str:
     """Margins, or the numbers of a step response."""
     if "gain_at" not in numbers:
-        return "Step response\n" + table([(key, number(each)) for key, each in numbers.items()])
+        return f"Step response\n{Table.of(['', ''], list(numbers.items())).text()}"
     rows = [
         ("gain margin", _gain(numbers["gain"]), _at(numbers["gain_at"], unit)),
         ("phase margin", f"{numbers['phase']:.4g} deg", _at(numbers["phase_at"], unit)),
@@ -103,7 +104,7 @@ def margins_text(numbers: Mapping[str, float], unit: str) -> str:
         largest = _gain(1.0 / modulus) if modulus else "inf"
         rows.append(("largest sensitivity", largest, _at(numbers["modulus_at"], unit)))
     verdict = "stable" if numbers["is_stable"] else "not stable: the margins are those to stability"
-    return f"Margins, closed loop {verdict}\n" + table(rows)
+    return f"Margins, closed loop {verdict}\n" + Table.of(["", "", ""], rows).text()
 
 
 def _gain(value: float) -> str:
@@ -135,10 +136,8 @@ def trim_text(found: Trim) -> str:
             f"no equilibrium found; the nearest point has {', '.join(named)}: free an input with "
             "--inputs, fix or bound less, or begin elsewhere with --state"
         )
-    rows: list[tuple[str, ...]] = [("Equilibrium",)]
-    for name in ("inputs", "states", "outputs"):
-        rows += [(f"  {key}", number(value)) for key, value in getattr(found, name).items()]
-    return table(rows, indent="")
+    rows = [*found.inputs.items(), *found.states.items(), *found.outputs.items()]
+    return f"Equilibrium\n{Table.of(['', ''], rows).text()}"
 
 
 def overlay_text(title: str, found: Trim) -> str:

@@ -13,7 +13,9 @@ from typing import Any
 from runtime.compare.comparison import Comparison, RunComparison
 from runtime.compare.documents import ABSENT, KeyDifference, text_of
 from runtime.compare.probes import Column, Pair
-from runtime.terminal import number, table
+from runtime.runs import compared_metrics
+from runtime.tables import Table
+from runtime.terminal import number
 
 LISTED = 6  # columns of a probe that the text lists one by one
 LISTED_IN_JSON = 12
@@ -38,50 +40,50 @@ def exact_summary(comparison: Comparison) -> str:
 
 def _common(comparison: Comparison) -> Iterator[str]:
     rows = [[run.label, run.result.title, str(run.folder)] for run in comparison.runs]
-    yield "runs\n" + table(rows)
+    yield f"runs\n{Table.of(['', '', ''], rows).text()}"
     for title, differences in (
         ("graph", comparison.graph),
         ("circumstances", comparison.circumstances),
     ):
         if differences:
-            yield f"{title}\n{_document_table(comparison.labels, differences)}"
+            yield f"{title}\n{_document_table(comparison.labels, differences).text()}"
         else:
             yield f"{title}: no difference"
     if comparison.metrics:
-        yield f"metrics\n{_metrics(comparison)}"
+        yield f"metrics\n{_metrics(comparison).text()}"
 
 
-def _document_table(labels: Sequence[str], differences: Sequence[KeyDifference]) -> str:
-    rows = [["", *labels]]
-    for item in differences:
-        values = [text_of(value, VALUE_WIDTH) for value in item.values]
-        rows.append([f"{SIGNS[item.change]} {item.path}", *values])
-    return table(rows)
+def _document_table(labels: Sequence[str], differences: Sequence[KeyDifference]) -> Table:
+    rows = [
+        [f"{SIGNS[item.change]} {item.path}", *(text_of(v, VALUE_WIDTH) for v in item.values)]
+        for item in differences
+    ]
+    return Table.of(["", *labels], rows)
 
 
-def _metrics(comparison: Comparison) -> str:
+def _metrics(comparison: Comparison) -> Table:
     """One line per metric; with two runs, also the second's value minus the first's."""
-    pairs = len(comparison.runs) == 2
-    head = ["", *comparison.labels, *(["difference", ""] if pairs else [])]
-    rows = [head]
-    for name, values in comparison.metrics.items():
-        more = _metric_difference(*values) if pairs else []
-        rows.append([name, *(run.result.metric_text(name) for run in comparison.runs), *more])
-    return table(rows, range(1, len(head)))
+    runs = {run.label: run.result for run in comparison.runs}
+    shown = compared_metrics(runs, comparison.metrics)
+    if len(runs) > 2:
+        return shown
+    differences = [_metric_difference(*values) for values in comparison.metrics.values()]
+    shown = shown.append("difference", [absolute for absolute, _ in differences], "number")
+    return shown.append("", [relative for _, relative in differences], "number")
 
 
-def _metric_difference(a: float | None, b: float | None) -> list[str]:
+def _metric_difference(a: float | None, b: float | None) -> tuple[str, str]:
     if a is None or b is None:
-        return ["none" if a is b else "-", ""]
+        return "none" if a is b else "-", ""
     if a == b:
-        return ["none", ""]
+        return "none", ""
     part = f"{100.0 * (b - a) / abs(a):+.3g} %" if a else ""
-    return [f"{b - a:+.4g}", part]
+    return f"{b - a:+.4g}", part
 
 
 def _by_tolerance(comparison: Comparison, other: RunComparison, rtol: float, atol: float) -> str:
     head = ["", "largest difference", "", "at [s]", "rms", "beyond tolerance"]
-    rows = [head]
+    rows: list[list[str]] = []
     beyond = 0
     for pair in other.pairs:
         columns = pair.columns(rtol, atol)
@@ -93,8 +95,8 @@ def _by_tolerance(comparison: Comparison, other: RunComparison, rtol: float, ato
     count = len(compared) - beyond
     verdict = f"{count} of {len(compared)} probes are equal {message}"
     lines = [f"probes: {label} against {first}: {verdict}"]
-    if len(rows) > 1:
-        lines.append(table(rows, (1, 3, 4)))
+    if rows:
+        lines.append(Table.of(head, rows, numbers=(1, 3, 4)).text())
     return "\n".join([*lines, *_recorded(comparison, other)])
 
 
@@ -134,12 +136,13 @@ def _by_bits(comparison: Comparison, other: RunComparison) -> str:
         f"probes: {label} against {first}: first difference at tick {first_difference.tick} "
         f"(t = {first_difference.t:.9g} s) in probe '{pair.name}'"
     ]
-    rows = [["", "first at tick", "t [s]", "column", first, label, "rows that differ"]]
+    head = ["", "first at tick", "t [s]", "column", first, label, "rows that differ"]
+    rows = []
     for pair, at in differences:
         values = [repr(value) for value in at.values]
         count = f"{pair.differing} of {len(pair.t)}"
         rows.append([pair.name, str(at.tick), f"{at.t:.9g}", at.column, *values, count])
-    lines.append(table(rows, (1, 2, 4, 5, 6)))
+    lines.append(Table.of(head, rows, numbers=(1, 2, 4, 5, 6)).text())
     same = [pair.name for pair in other.pairs if not pair.fault and pair.first_difference is None]
     if same:
         lines.append(f"  identical: {', '.join(same)}")

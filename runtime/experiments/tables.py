@@ -37,7 +37,8 @@ from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, VARIANT, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
 from runtime.experiments.tuning import Candidate, Judgement, TuningResult, summary
-from runtime.runs import Figures, dataframe
+from runtime.runs import Figures
+from runtime.tables import dataframe
 from runtime.terminal import table, with_unit
 
 if TYPE_CHECKING:

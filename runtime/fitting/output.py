@@ -14,27 +14,28 @@ from typing import Any
 
 from runtime.files import own_folder, system_errors, write_whole
 from runtime.fitting.solving import CONFIDENCE, Fit
-from runtime.terminal import number, table
+from runtime.tables import Cell, Table, interval_cell, number_cell
 
 STORED = "fit.json"
 
 
 def summary(fit: Fit) -> str:
     """The numbers with their intervals, how well each signal is met, and notes."""
-    rows = [["number", "value", f"{CONFIDENCE:.0%} interval", "range"]]
+    rows = []
     for each, span in zip(fit.parameters, fit.model.ranges, strict=True):
-        interval = f"[{number(each.low)}, {number(each.high)}]"
+        interval = interval_cell(each.low, each.high)
         if not math.isfinite(each.high - each.low):
-            interval = "not determined"
-        rows.append([each.path, f"{each.value:.6g}", interval, str(span.written)])
-    parts = [table(rows, right=(1,))]
-    rows = [["signal", "values", "rms of the difference", "of the data's deviation"]]
+            interval = Cell("not determined")
+        rows.append([each.path, Cell(f"{each.value:.6g}", each.value), interval, span.written])
+    head = ["number", "value", f"{CONFIDENCE:.0%} interval", "range"]
+    parts = [Table.of(head, rows, numbers=[1]).text()]
+    rows = []
     for series, rms in zip(fit.model.series, fit.rms, strict=True):
         spread = float(series.values.std())
         share = f"{rms / spread:.3g}" if spread else "-"
-        size = f"{number(rms)} {series.unit}".rstrip()
-        rows.append([series.name, str(len(series.t)), size, share])
-    parts.append(table(rows, right=(1, 3)))
+        rows.append([series.name, len(series.t), number_cell(rms, unit=series.unit), share])
+    head = ["signal", "values", "rms of the difference", "of the data's deviation"]
+    parts.append(Table.of(head, rows, numbers=[1, 3]).text())
     reached = sum(cost <= min(fit.starts) * 1.01 + 1e-20 for cost in fit.starts)
     parts.append(
         f"{fit.model.count} runs; {reached} of {len(fit.starts)} starts reached this minimum\n"

@@ -28,7 +28,8 @@ from runtime.experiments.execution import (
 from runtime.files import MAYBE_NUMBER, check_form
 from runtime.reports import pieces
 from runtime.reports.findings import of_ablation, place_of
-from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
+from runtime.reports.page import page
+from runtime.tables import Html, Table, element, facts, join
 from runtime.terminal import with_unit
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
@@ -137,7 +138,8 @@ def differences(results: Mapping[str, Any], name: str = "variant") -> Html:
         title = ", ".join(filter(None, (title, place_of(line))))
         never = (results.get("never") or {}).get(line["metric"], NEVER)
         groups.setdefault(title, []).append(_line(line, never))
-    return grouped_table(head, groups, range(1, 7), label="differences")
+    columns = Table.of(head, [], numbers=range(1, 7)).columns
+    return Table(columns, groups=groups).html("differences")
 
 
 def _line(line: Mapping[str, Any], never: str) -> list[str]:
@@ -184,11 +186,11 @@ def _variants(results: Mapping[str, Any]) -> Html:
     shown = [[row[i] for i in columns] for row in rows]
     titles = [head[i] for i in columns]
     wraps = [i for i in range(len(titles)) if i not in (0, 2)]
-    parts = [table(titles, shown, [2], label="variants", wraps=wraps)]
+    parts = [Table.of(titles, shown, numbers=[2], long=wraps).html("variants")]
     if results["essential"]:
         parts.append(element("h3", "Essential blocks, which cannot be removed on their own"))
         essential = [[str(name), str(reason)] for name, reason in results["essential"].items()]
-        parts.append(table(["block", "reason"], essential, label="essential blocks", wraps=[1]))
+        parts.append(Table.of(["block", "reason"], essential, long=[1]).html("essential blocks"))
     return join(*parts)
 
 

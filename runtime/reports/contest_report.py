@@ -19,8 +19,9 @@ from runtime.files import check_form
 from runtime.reports import pieces
 from runtime.reports.ablation_report import DIFFERENCE, LINE, differences, significance
 from runtime.reports.findings import of_contest
-from runtime.reports.html import Html, bullets, element, facts, join, page, table
+from runtime.reports.page import page
 from runtime.runs import DIAGRAM
+from runtime.tables import Html, Table, bullets, element, facts, join
 from runtime.terminal import with_unit
 
 _TUNING = {
@@ -144,7 +145,7 @@ def _values(stored: Mapping[str, Any]) -> Iterator[Html]:
             limits = "".join(f"; not {constraint}" for constraint in each["violated"])
             rows.append([name, *map(str, counts), *scores, (shown or "its own") + limits])
     last = len(head) - 1
-    yield table(head, rows, range(1, last), label="tuned values", wraps=[last])
+    yield Table.of(head, rows, numbers=range(1, last), long=[last]).html("tuned values")
     note = "Chosen on the training runs; the metrics are of the held-out runs of each tuning."
     if stored["constraints"]:
         note += " “not effort below 0.3”: the held-out runs violate that constraint."
@@ -166,7 +167,7 @@ def _failures(stored: Mapping[str, Any]) -> Html:
     if not rows:
         return Html("")
     head = ["contestant", "sampling seed", "runs", "reason"]
-    return table(head, rows, [1, 2], label="failures", wraps=[3])
+    return Table.of(head, rows, numbers=[1, 2], long=[3]).html("failures")
 
 
 def _diagrams(folder: Path, stored: Mapping[str, Any]) -> Iterator[Html]:

@@ -14,9 +14,9 @@ from runtime import terminal
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
 from runtime.experiments.analysis import NEVER, SAME, lost
 from runtime.files import slug
-from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
 from runtime.runs import RESOLVED
+from runtime.tables import Html, Table, element, facts, join, scrolling
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -166,7 +166,7 @@ def versions(packages: Any) -> Html:
     """Names and versions of packages."""
     known = packages if isinstance(packages, Mapping) else {}
     rows = [[str(name), str(version)] for name, version in known.items()]
-    return table(["package", "version"], rows, label="versions")
+    return Table.of(["package", "version"], rows).html("versions")
 
 
 def moment(stamp: str) -> str:

@@ -14,8 +14,9 @@ from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import symbol
 from runtime.reports import pieces, zoom
 from runtime.reports.findings import of_run
-from runtime.reports.html import Html, bullets, element, facts, join, page, table
+from runtime.reports.page import page
 from runtime.runs import DIAGRAM, RESOLVED, pacing_text, read_run, run_folder
+from runtime.tables import Html, Table, bullets, element, facts, join
 
 NAMES = 6  # that a caption lists; of more columns, it names the signals
 KINDS = {
@@ -111,7 +112,7 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
     head = ["metric", "value", "expected", "definition"]
     if not expects:
         head, rows = [*head[:2], head[3]], [[*row[:2], row[3]] for row in rows]
-    return table(head, rows, [1], label="metrics", wraps=[len(head) - 1])
+    return Table.of(head, rows, numbers=[1], long=[len(head) - 1]).html("metrics")
 
 
 def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
@@ -188,7 +189,9 @@ def _diagram(folder: Path, result: RunData) -> Html:
 def _signals(result: RunData) -> Html:
     head = ["probe", "signals", "type", "unit", "rows", "every"]
     rows = [_signal(recorded) for recorded in result.probes.values()]
-    return table(head, rows, [4, 5], label="recorded signals", wraps=[1]) if rows else Html("")
+    if not rows:
+        return Html("")
+    return Table.of(head, rows, numbers=[4, 5], long=[1]).html("recorded signals")
 
 
 def _signal(recorded: Recording) -> list[str]:
@@ -230,4 +233,4 @@ def _hashes(hashes: Any) -> Iterator[Html]:
     if isinstance(hashes, dict) and hashes:
         yield element("h3", "Files")
         rows = [[str(name), element("code", str(digest))] for name, digest in hashes.items()]
-        yield table(["file", "SHA-256"], rows, label="hashes of files", wraps=[1])
+        yield Table.of(["file", "SHA-256"], rows, long=[1]).html("hashes of files")

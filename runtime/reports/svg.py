@@ -17,7 +17,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from runtime.reports.html import Html, visible
+from runtime.tables import Html, visible
 
 SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 MANY_MARKS = 2_000  # more marks are drawn as an image

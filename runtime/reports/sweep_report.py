@@ -25,8 +25,9 @@ from runtime.experiments.execution import GRAPH, INDEX, SUMMARY, Columns, Row, r
 from runtime.files import read_json
 from runtime.reports import pieces
 from runtime.reports.findings import of_sweep
-from runtime.reports.html import Html, element, facts, join, page, table
+from runtime.reports.page import page
 from runtime.runs import DIAGRAM
+from runtime.tables import Html, Table, element, facts, join
 from runtime.terminal import short
 
 FEW = 60  # configurations that are all listed
@@ -179,7 +180,7 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
     if swept.data.seeds > 1 and swept.data.is_same(swept.metrics):
         words = f"{SAME}: {SAME_RUNS}."
     note = element("p", words, class_="soft small")
-    return join(table(head, rows, numbers, label=label), note)
+    return join(Table.of(head, rows, numbers=numbers).html(label), note)
 
 
 def _configuration(swept: _Sweep, group: TrialGroup, with_interval: bool) -> list[str]:
@@ -214,9 +215,9 @@ def _failures(swept: _Sweep) -> Html:
     if counts["ok"] == swept.tally.done and not swept.tally.reasons:
         return Html("")
     rows = [[status, str(count)] for status, count in sorted(counts.items())]
-    parts = [table(["status", "trials"], rows, [1], label="trials by status")]
+    parts = [Table.of(["status", "trials"], rows, numbers=[1]).html("trials by status")]
     reasons = [[str(each["reason"]), str(each["count"])] for each in swept.tally.top_reasons()]
     if reasons:
         parts.append(element("h3", "Reasons, the most frequent first"))
-        parts.append(table(["reason", "trials"], reasons, [1], label="reasons", wraps=[0]))
+        parts.append(Table.of(["reason", "trials"], reasons, numbers=[1], long=[0]).html("reasons"))
     return join(*parts)

@@ -15,8 +15,9 @@ from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_json
 from runtime.reports import pieces
 from runtime.reports.findings import of_tuning
-from runtime.reports.html import Html, element, facts, join, page, table
+from runtime.reports.page import page
 from runtime.runs import DIAGRAM
+from runtime.tables import Html, Table, element, facts, join
 from runtime.terminal import with_unit
 
 NONE = "No configuration satisfies the constraints."
@@ -144,7 +145,8 @@ def _winners(stored: Mapping[str, Any]) -> Html:
         [str(number), *(text_of(by_number[number]["values"][path]) for path in factors)]
         for number in stored["front"]
     ]
-    winners = table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
+    shown = Table.of(["configuration", *factors], rows, numbers=range(1, len(factors) + 1))
+    winners = shown.html("winners")
     if stored["table"] and not stored.get("better", stored["front"]):
         is_open = "not distinguishable" in (stored.get("verdicts") or {}).values()
         words = NOT_DISTINGUISHABLE if is_open else NOTHING
@@ -176,7 +178,9 @@ def _evaluations(stored: Mapping[str, Any]) -> Html:
         f"{SAME}: {SAME_RUNS}.",
         class_="soft small",
     )
-    return join(table(head, rows, range(2, len(head)), label="training and held-out runs"), note)
+    return join(
+        Table.of(head, rows, numbers=range(2, len(head))).html("training and held-out runs"), note
+    )
 
 
 def _cells(evaluation: Mapping[str, Any], never: str) -> list[str | Html]:
@@ -220,7 +224,7 @@ def _configurations(stored: Mapping[str, Any]) -> Html:
         "status",
     ]
     numbers = range(1, len(head) - 1)
-    listing = table(head, rows, numbers, label="configurations")
+    listing = Table.of(head, rows, numbers=numbers).html("configurations")
     if len(shown) == len(configurations):
         return listing
     return join(

@@ -18,7 +18,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import display_names, thin
-from runtime.reports.html import Html, element
+from runtime.tables import Html, element
 
 POINTS = 800  # of a column, about
 MOST = 14  # columns of a chart

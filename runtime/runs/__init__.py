@@ -19,6 +19,7 @@ from blocks.lazy import door
 if TYPE_CHECKING:
     from runtime.runs.checkpoint import BEFORE, Checkpoints, Source, restored
     from runtime.runs.commit import git_commit
+    from runtime.runs.display import Figures, compared_metrics, metrics_table
     from runtime.runs.draft import (
         RECORDING,
         Draft,
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
         run_folder,
     )
     from runtime.runs.linearization import Linearization, linearize
-    from runtime.runs.notebook import Figures
     from runtime.runs.operating_point import output_at
     from runtime.runs.pacing import OVERRUNS, Pacing, pacing_text
     from runtime.runs.result import Result, open_run
@@ -59,6 +59,5 @@ if TYPE_CHECKING:
         simulate,
     )
     from runtime.runs.stability import Margins, margins, step_info
-    from runtime.runs.tables import dataframe
 else:
     __getattr__ = door(__name__)

@@ -17,13 +17,13 @@ from runtime.errors import UsageError
 from runtime.observation import RunData
 from runtime.runs.draft import save
 from runtime.runs.folder import read_run
-from runtime.runs.notebook import Figures, notebook_html
-from runtime.runs.tables import run_dataframe, run_dataset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
+
+    from runtime.runs.display import Figures
 
 
 class Result(RunData):
@@ -35,6 +35,7 @@ class Result(RunData):
         A notebook shows what is returned once: figures are not tied to pyplot.
         """
         from runtime.plots import draw
+        from runtime.runs.display import Figures
 
         if name is None:
             return Figures({plot.name: draw(plot, self) for plot in self.plots})
@@ -59,6 +60,8 @@ class Result(RunData):
         MissingExtraError : pandas is not installed.
         KeyError : a name was not recorded.
         """
+        from runtime.runs.frames import run_dataframe
+
         return run_dataframe(self, names)
 
     def to_xarray(self) -> Dataset:
@@ -70,10 +73,14 @@ class Result(RunData):
         ------
         MissingExtraError : xarray is not installed.
         """
+        from runtime.runs.frames import run_dataset
+
         return run_dataset(self)
 
     def _repr_html_(self) -> str:
         """The run as a notebook shows it: what ran, its metrics and its figures."""
+        from runtime.runs.display import notebook_html
+
         return notebook_html(self)
 
     def save(self, folder: str | Path) -> Path:

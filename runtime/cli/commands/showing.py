@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from runtime.arguments import show_folder
 from runtime.cli.commands.rivals import names, painter
 from runtime.errors import one_line
-from runtime.terminal import number, show, show_json, table, tell
+from runtime.terminal import number, show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.cli.commands.running import Outcome
@@ -185,23 +185,14 @@ def _print_result(outcome: Outcome, options: Namespace) -> None:
         from runtime.runs import pacing_text
 
         show(pacing_text(manifest["real_time"]))
-    if result.metrics and others:
-        own = next(iter(others))[0] if len(others) == 1 else "as written"
-        head = ("", own, *(second for _, second in others))
-        rows = [
-            (
-                name,
-                *(each.metric_text(name) for each in (result, *others.values())),
-                result.units.get(name, ""),
-            )
-            for name in result.metrics
-        ]
-        show(table([head, *rows], right=range(1, len(head))))
-    elif result.metrics:
-        units = {
-            name: result.units.get(name, "") if v is not None else ""
-            for name, v in result.metrics.items()
-        }
-        rows = [(k, f"{result.metric_text(k)} {units[k]}".rstrip()) for k in result.metrics]
-        show(table(rows))
+    if result.metrics:
+        from runtime.runs import compared_metrics, metrics_table
+
+        shown = metrics_table(result)
+        if others:
+            own = next(iter(others))[0] if len(others) == 1 else "as written"
+            runs = {own: result} | {second: other for (_, second), other in others.items()}
+            units = [result.units.get(name, "") for name in result.metrics]
+            shown = compared_metrics(runs, result.metrics).append("", units, "number")
+        show(shown.text())
     sys.stdout.flush()  # a pipe or a file shows them before the pictures, too

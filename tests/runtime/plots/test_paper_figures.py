@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 import runtime
 from runtime.plots import LOOKS, draw, save_figure, save_plots, symbol
 from runtime.plots.figures import DPI
+from tests.browser import find
 from tests.conftest import Run
 
 
@@ -269,11 +270,11 @@ def test_a_notebook_shows_a_run_once_with_metrics_and_pictures() -> None:
     made = graph(p={"kind": "timeseries", "of": "turn"}).metric("last", "final", "turn")
     result = made.run()
     shown = result._repr_html_()
-    assert "<td style='text-align: left'>last</td><td>0.995 rad</td>" in shown
+    assert [cell.text for cell in find(shown, "td")] == ["last", "0.995 rad"]
     assert shown.count("<img ") == 1
     figures = result.plot()
     assert isinstance(figures, dict)
     assert figures._repr_html_().count("<img ") == 1
     assert result.plot("p")._repr_png_().startswith(b"\x89PNG")
     unsettled = made.metric("never", "settling_time", "turn", band=0.0).run()._repr_html_()
-    assert "never</td><td>never settled</td>" in unsettled
+    assert [cell.text for cell in find(unsettled, "td")[2:]] == ["never", "never settled"]

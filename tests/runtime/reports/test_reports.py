@@ -18,7 +18,6 @@ import pytest
 import runtime
 from blocks.core.signals import FloatArray
 from runtime.reports import report, zoom
-from runtime.reports.html import Html, element, join, table, text
 from runtime.reports.svg import figure_svg
 from tests.browser import Element, elements, find, load, measure, rows
 from tests.conftest import Run
@@ -60,22 +59,6 @@ def page(run: Path) -> Path:
     path = run.parent / "report.html"
     path.write_text(report(run).html, encoding="utf-8")
     return path
-
-
-def test_text_is_escaped_and_markup_is_not() -> None:
-    made = element("p", "<a> & 'b'", element("b", '"c"'), class_="x", aria_label='"><script>')
-    assert made == (
-        '<p class="x" aria-label="&quot;&gt;&lt;script&gt;">'
-        "&lt;a&gt; &amp; &#x27;b&#x27;<b>&quot;c&quot;</b></p>"
-    )
-    assert join("<", Html("<br>"), "a\x00\u202eb") == "&lt;<br>a\ufffd\ufffdb"
-    assert text("a\n\tb\u202f1") == "a\n\tb\u202f1"
-
-
-def test_a_table_has_its_cells() -> None:
-    made = table(["a", "b"], [["x<", "1"], ["y", "2"]], [1], label="both")
-    assert rows(made, "both") == [["x<", "1"], ["y", "2"]]
-    assert [e.text for e in find(made, "td", class_="number")] == ["1", "2"]
 
 
 @pytest.mark.slow

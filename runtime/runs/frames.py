@@ -7,46 +7,17 @@ own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import ModuleType
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from blocks.core import FloatArray, MissingPackageError, require
-from runtime.errors import MissingExtraError, UsageError
+from blocks.core import FloatArray
+from runtime.errors import UsageError
 from runtime.observation import Recording, RunData
+from runtime.tables import dataframe, package
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
-
-EXTRA = "dataframes"
-
-
-def package(name: str, feature: str) -> ModuleType:
-    """An optional package of tables.
-
-    Raises
-    ------
-    MissingExtraError : it is not installed.
-    """
-    try:
-        return require(name, feature, EXTRA)
-    except MissingPackageError as error:
-        raise MissingExtraError(error.feature, error.extra) from None
-
-
-def dataframe(
-    columns: Mapping[str, Sequence[object] | FloatArray], units: Mapping[str, str], feature: str
-) -> DataFrame:
-    """A table of columns; ``attrs["units"]`` has the units of those that have one.
-
-    Raises
-    ------
-    MissingExtraError : pandas is not installed.
-    """
-    frame: DataFrame = package("pandas", feature).DataFrame(dict(columns))
-    frame.attrs["units"] = dict(units)
-    return frame
 
 
 def run_dataframe(result: RunData, names: Sequence[str]) -> DataFrame:
