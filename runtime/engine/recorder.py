@@ -220,7 +220,7 @@ class Recorder:
                 rows = None if self.keep is None else -(-self.keep // self.probes[name].every)
                 self.sinks[name] = Rows(self.probes[name].shape, rows)
 
-    def begin_again(self, folder: Path | None = None) -> None:
+    def begin_again(self) -> None:
         """Forget what a run has recorded, but what is constant; files stay, and others begin.
 
         Raises
@@ -230,7 +230,7 @@ class Recorder:
         self.full = self.constants_saved = False
         self._boundary = None
         if self.folder is not None:
-            self._open(folder)
+            self._open(None)
         for name, array in self.arrays.items():
             if not self.probes[name].constant:
                 array.fill(np.nan)

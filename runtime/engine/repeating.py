@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -25,9 +24,7 @@ from runtime.engine.state import RunState, seed_of
 from runtime.errors import SimulationError
 
 
-def begin_again(
-    engine: Engine, blocks: Mapping[str, Block], seed: int, folder: Path | None = None
-) -> bool:
+def begin_again(engine: Engine, blocks: Mapping[str, Block], seed: int) -> bool:
     """Let an engine begin again; False if that takes a new engine, and this one is of no use then.
 
     Its recordings are overwritten, those in results included.
@@ -36,11 +33,10 @@ def begin_again(
     ----------
     blocks : by name; those that are not the engine's have other parameters, but the structure that
         the plan was made of, and publish nothing.
-    folder : for recordings on disk, another one than before; a temporary one by default.
 
     Raises
     ------
-    UsageError : these cannot be written.
+    UsageError : recordings that are too large for memory cannot be written.
     """
     state, before = engine.state, engine.network
     if engine.first is None:
@@ -64,7 +60,7 @@ def begin_again(
         engine.namespace[engine.program.names.blocks[name]] = entries[name].block
     for name in anew:
         _forget(state, name, entries[name].seed)
-    engine.recorder.begin_again(folder)
+    engine.recorder.begin_again()
     engine.diagnosis.begin_again()
     engine.is_checked, engine.wall_s, engine.ready_s = False, 0.0, 0.0
     try:
