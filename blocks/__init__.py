@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from blocks.core import kernel_of as kernel_of
     from blocks.core import param as param
     from blocks.dynamics import *
-    from blocks.fmu import *
     from blocks.generic import *
     from blocks.neural import *
     from blocks.nonlinear import *

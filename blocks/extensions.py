@@ -265,8 +265,9 @@ def _offered_on(path: tuple[str, ...]) -> _Installed:
         if ours and name not in seen:
             seen.add(name)
             for point in ours:
-                of_group = points.setdefault(point.group, [])
-                of_group.insert(0 if name == OURS else len(of_group), (_named(distribution), point))
+                points.setdefault(point.group, []).append((_named(distribution), point))
+    for offers in points.values():
+        offers.sort(key=lambda offer: offer[0].partition(" ")[0] != OURS)
     return _Installed(points, unreadable)
 
 

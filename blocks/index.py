@@ -142,8 +142,6 @@ TYPES = {
     "Dropout": "sensors.transport",
     "Latency": "sensors.transport",
     "WheelOdometry": "sensors.odometry",
-    "FMU": "fmu.cosimulation",
-    "ModelExchangeFMU": "fmu.model_exchange",
 }
 OTHERS = {
     "Block": "core",

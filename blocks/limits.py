@@ -25,8 +25,6 @@ JSON_VALUES = 2_000_000
 INDEX, LINE = GIB, 8 * MIB
 SMALL_ARCHIVE, LARGEST_RATIO = 64 * MIB, 16
 ARCHIVE_LIST = 8 * MIB  # of a zip archive's list of members: each takes up to 20 times as much
-FMU, FMU_UNPACKED = 128 * MIB, GIB
-FMU_TEXT, FMU_ENTRIES, FMU_NUMBERS = 32 * MIB, 1_000_000, 1_000_000
 
 
 def size(count: int) -> str:
@@ -68,11 +66,6 @@ TABLE: tuple[tuple[str, str], ...] = (
         size(SMALL_ARCHIVE),
     ),
     ("an archive's list of its members", size(ARCHIVE_LIST)),
-    ("an FMU; what it unpacks to", f"{size(FMU)}; {size(FMU_UNPACKED)}"),
-    (
-        "an FMU's description: its text; elements and attributes; numbers of all variables",
-        f"{size(FMU_TEXT)}; {FMU_ENTRIES:,}; {FMU_NUMBERS:,}",
-    ),
     (
         "a text file of a run folder or an experiment; values in one of JSON",
         f"{size(TEXT)}; {JSON_VALUES:,}",

@@ -49,7 +49,7 @@ from __future__ import annotations
 # In the order of docs/blocks.md.
 ROOMS = (
     *("control", "neural", "world", "wall_fitting", "vehicle", "sources", "generic"),
-    *("dynamics", "nonlinear", "plants", "sensors", "fmu"),
+    *("dynamics", "nonlinear", "plants", "sensors"),
 )
 
 MADE = "<!-- Made from the declarations by `python -m docs.describe`; do not edit. -->"

@@ -29,8 +29,8 @@ from runtime.cli.commands import VERBS
 from runtime.cli.commands.help import change_help
 from runtime.cli.shipped import RUNNABLE, schema_line, shipped
 from runtime.engine import python_seconds
-from runtime.export.html import export_page
 from runtime.files import slug
+from spikeblocks.page import export_page
 
 MAX_SECONDS = 30.0  # estimated time under the Python engine; a longer run is cut
 PHYSICS = "MujocoVacuum"

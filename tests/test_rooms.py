@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sensors", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
-    ("blocks.wall_fitting", "blocks.fmu"),
+    ("blocks.wall_fitting",),
     ("blocks.registry",),
     ("blocks",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),
@@ -66,7 +66,10 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
-    ("spikeblocks.gym", "spikeblocks.lsp", "spikeblocks.mujoco"),
+    (
+        *("spikeblocks.fmu", "spikeblocks.gym", "spikeblocks.lsp", "spikeblocks.mujoco"),
+        "spikeblocks.page",
+    ),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -28,7 +28,7 @@ from runtime.export.recording import (
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
 from runtime.export.templates import CMAKE
-from runtime.export.units import measure, write_units
+from runtime.export.units import Units, measure, write_units
 from runtime.files import refuse_link, system_errors, write_files
 from runtime.graph import Graph
 from runtime.toolchain import available
@@ -144,6 +144,31 @@ def _built(build: Path) -> list[str] | None:
     listed = re.search(r"^set\(CONTROLLERS (.*)\)$", text, re.MULTILINE)
     names = listed[1].split() if listed else []
     return names if text == CMAKE.substitute(names=" ".join(names)) else None
+
+
+def make_layout(graph: Graph, name: str, loose: bool = False) -> Layout:
+    """The C text of a whole graph, with the values that it starts with.
+
+    Parameters
+    ----------
+    name : of the struct and the functions. loose : as of Layout.
+
+    Raises
+    ------
+    GraphError : blocks cannot be exported; each is named with the reason.
+    """
+    return layout_of(graph, _whole(graph), name, hold=False, loose=loose)
+
+
+def make_units(graph: Graph, name: str) -> Units:
+    """Of that, the blocks alone."""
+    engine = Engine(graph.program(), graph.network.seed)
+    engine.prepare()
+    return write_units(_whole(graph), engine.state.blocks, name)
+
+
+def _whole(graph: Graph) -> Selection:
+    return select(graph.network, graph.program().plan, named_blocks(graph.network, (), ()))
 
 
 def layout_of(

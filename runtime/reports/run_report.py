@@ -53,7 +53,7 @@ def run_report(path: Path) -> str:
     has_charts = 'class="zoom"' in sections["Figures"]
     return page(
         *("Run", result.title, _lead(result), _facts(result), sections, folder, of_run(result)),
-        style=zoom.style() if has_charts else "",
+        style=zoom.chart_style() if has_charts else "",
         script=zoom.script() if has_charts else "",
     )
 

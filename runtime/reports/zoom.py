@@ -28,18 +28,23 @@ DIGITS = 6
 @cache
 def script() -> str:
     """The script of pages with charts: uPlot, and what makes charts of the elements."""
-    from runtime.export import page_asset
-
-    own = Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
-    return f"/*\n{page_asset('uplot.LICENSE')}*/\n{page_asset('uplot.js')}\n{own}"
+    return f"{chart_script()}\n{_asset('zoom.js')}"
 
 
 @cache
-def style() -> str:
-    """What the charts look like."""
-    from runtime.export import page_asset
+def chart_script() -> str:
+    """uPlot, which draws charts, with its license."""
+    return f"/*\n{_asset('uplot.LICENSE')}*/\n{_asset('uplot.js')}"
 
-    return page_asset("uplot.css")
+
+@cache
+def chart_style() -> str:
+    """What its charts look like."""
+    return _asset("uplot.css")
+
+
+def _asset(file: str) -> str:
+    return Path(__file__).with_name(file).read_text(encoding="utf-8")
 
 
 def charts(plot: PlotSpec, result: RunData) -> Html:

@@ -11,7 +11,7 @@ import numpy as np
 from blocks import Block, BlockContext, BlockState, SignalType
 
 # A description alone: it can be read and checked, and has no binary.
-FMU = Path(__file__).parent / "fmu" / "description.fmu"
+FMU = Path(__file__).parents[1] / "bridges" / "fmu" / "description.fmu"
 PUSH = Path(__file__).parents[2] / "graphs" / "gallery" / "recorded_push.csv"
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.

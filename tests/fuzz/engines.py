@@ -20,6 +20,7 @@ import runtime
 from blocks.core.block import Block
 from blocks.core.params import ParameterError
 from blocks.core.signals import Pose, Same, Scalar, SignalType, Twist
+from blocks.index import TYPES
 from blocks.registry import BUILTIN
 from runtime.document.node import dump_yaml
 from runtime.errors import GraphError, SimulationError
@@ -41,8 +42,6 @@ TICKS = 200
 TOLERANCE = 1e-12
 DT = 0.01
 ROOM = {"room": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "circles": [[1.5, 1.0, 0.3]]}
-# Called from Python under either engine, with seconds of physics, or a file: nothing to compare.
-LEFT_OUT = {"FMU", "ModelExchangeFMU", "MujocoVacuum"}
 SWITCHES = ("Enable", "Trigger")  # they need a part around them
 # How many numbers go into their inputs, as their matrices in ``REQUIRED`` say.
 COUNTS: dict[str, dict[str, int]] = {
@@ -283,7 +282,7 @@ def constructed(cls: type[Block], entry: dict[str, Any]) -> Block | None:
 def graphs(draw: st.DrawFn, most: int = 5, kinds: tuple[str, ...] = ()) -> Case:
     """A graph of up to ``most`` drawn blocks, beside what these need as sources."""
     grower = Grower(draw)
-    there = sorted(kinds or BUILTIN.keys() - LEFT_OUT)
+    there = sorted(kinds or TYPES)
     for kind in draw(st.lists(st.sampled_from(there), min_size=1, max_size=most)):
         if kind == "Constant":
             grower.add(kind, T=Scalar)

@@ -30,6 +30,7 @@ from blocks import (
     Vector,
     param,
 )
+from blocks.index import TYPES
 from blocks.registry import BUILTIN, blocks_of_module
 from blocks.world.world import World
 from runtime import CheckError, NotCompiledWarning, check_block
@@ -71,13 +72,7 @@ def test_the_library_passes(block: Block) -> None:
     check_block(block)
 
 
-# They need a file, which tests/blocks/fmu makes.
-FROM_FILES = {"FMU", "ModelExchangeFMU"}
-
-
-@pytest.mark.parametrize(
-    "name", sorted(BUILTIN.keys() - {type(b).__name__ for b in MADE} - FROM_FILES)
-)
+@pytest.mark.parametrize("name", sorted(TYPES.keys() - {type(b).__name__ for b in MADE}))
 def test_the_rest_of_the_library_passes(name: str) -> None:
     check_block(BUILTIN[name](**REQUIRED.get(name, {})), dt=0.001, world=ROOM)
 

@@ -39,10 +39,12 @@ from runtime.export import Exported, ExportTarget
 
 
 def write(graph, folder, **options):
-    return Exported(Path(folder), ("names.txt",), " ".join(graph.network.entries), (), ())
+    names = options.get("separator", " ").join(graph.network.entries)
+    return Exported(Path(folder), ("names.txt",), names, (), ())
 
 
-NAMES = ExportTarget("names only", write)
+SEPARATOR = {"metavar": "X", "help": "between 100 % of the names"}
+NAMES = ExportTarget("names only", write, {"separator": SEPARATOR, "json": {}})
 """
 SOLVER = """import numpy as np
 from blocks import DecoderSolver
@@ -154,6 +156,16 @@ def test_an_export_target_of_a_package(site: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out.splitlines() == ["c e d", "written to out: names.txt"]
     assert run(["export", "g.yaml", "out", "--to", "name"]) == 2
     assert "no export target 'name', did you mean 'names'?" in capsys.readouterr().err
+    assert run(["export", "g.yaml", "out", "--to", "names", "--separator", "-"]) == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0] == "c-e-d"
+    # An option that the verb has itself is a note, and stays the verb's.
+    assert said.err.startswith("note: --json of export target 'names': ArgumentError")
+    assert run(["export", "g.yaml", "out", "--to", "c", "--separator", "-"]) == 2
+    assert "--separator: this option is for --to names" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        run(["export", "--help"])
+    assert "names: names only" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_solver_of_a_package(site: Path) -> None:

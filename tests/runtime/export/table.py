@@ -18,7 +18,6 @@ from pathlib import Path
 import runtime
 from runtime.errors import SpikeblocksError
 from runtime.export import export
-from runtime.export.fmu import export_fmu
 from tests.runtime.export import libraries
 
 ROOT = Path(__file__).parents[3]
@@ -101,6 +100,8 @@ def webassembly(folder: Path, ticks: int) -> tuple[str, str]:
 
 def fmu(graph: runtime.Graph, folder: Path) -> tuple[str, float]:
     """How many recorded signals are equal in fmpy, and the kB of the file."""
+    from spikeblocks.fmu.export import export_fmu
+
     ticks = min(FMU_TICKS, graph.network.ticks)
     graph = graph.set("run.until", ticks * graph.network.dt)
     made = export_fmu(graph, folder)
@@ -108,7 +109,7 @@ def fmu(graph: runtime.Graph, folder: Path) -> tuple[str, float]:
     size = file.stat().st_size / 1e3
     if find_spec("fmpy") is None:
         return "–", size
-    from tests.runtime.export import test_fmu
+    from tests.bridges.fmu import test_export as test_fmu
 
     problems = test_fmu.validation.validate_fmu(str(file))
     if problems:

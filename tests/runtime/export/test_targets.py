@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import json
-import shutil
-import subprocess
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +13,6 @@ import pytest
 import runtime
 from runtime import toolchain
 from runtime.export import export
-from runtime.export.fmu import export_fmu
-from runtime.export.html import export_page
 from runtime.export.library import export_library
 from tests.runtime.export.test_every_block import STRICT
 from tests.runtime.export.test_every_block import run as run_compiled
@@ -139,29 +133,6 @@ FEATURES: dict[str, tuple[str, str, str, str]] = {
 }
 
 
-# Steps the module of a page as its script does, and writes the rows.
-NODE = """
-const fs = require("fs"), zlib = require("zlib");
-const text = fs.readFileSync(process.argv[1], "utf8");
-const DATA = JSON.parse(text.split("const DATA = ")[1].split(";\\nconst MODULE")[0]);
-const packed = text.split("const MODULE = \\"")[1].split("\\"")[0];
-const modules = new Proxy({}, {get: () => new Proxy({}, {get: () => () => 0})});
-const bytes = zlib.gunzipSync(Buffer.from(packed, "base64"));
-WebAssembly.instantiate(bytes, modules).then((made) => {
-  const core = made.instance.exports, rows = [], width = DATA.columns.length;
-  if (core._initialize) core._initialize();
-  core.init();
-  while (core.tick() < DATA.ticks && !core.failure()) {
-    const count = core.advance(Math.min(64, DATA.ticks - core.tick()), 1);
-    const found = new Float64Array(core.memory.buffer, core.rows(), count * width);
-    for (let i = 0; i < count; i++) rows.push(Array.from(found.slice(i * width, (i + 1) * width)));
-  }
-  const failure = core.failure() !== DATA.stopped && core.failure();
-  console.log(JSON.stringify({rows, failure}));
-});
-"""
-
-
 def graph_of(feature: str, folder: Path) -> runtime.Graph:
     blocks, wires, probe, run = FEATURES[feature]
     dt = 0.001 if feature == "population" else 0.01
@@ -209,38 +180,9 @@ def by_library(graph: runtime.Graph, folder: Path) -> None:
             np.testing.assert_allclose(np.ravel(outputs[name]), np.ravel(every[k]), rtol=1e-12)
 
 
-def by_fmu(graph: runtime.Graph, folder: Path) -> None:
-    """fmpy finds the FMU valid, and its signals are those of a run, to the bit."""
-    pytest.importorskip("fmpy", reason="needs the extra fmu")
-    from tests.runtime.export import test_fmu
-
-    made = export_fmu(graph, folder)
-    file = folder / made.files[0]
-    assert not test_fmu.validation.validate_fmu(str(file))
-    assert test_fmu.equal_signals(file, graph, TICKS)
-
-
-def by_page(graph: runtime.Graph, folder: Path) -> None:
-    """The module of the page gives the rows of a run."""
-    if find_spec("ziglang") is None or shutil.which("node") is None:
-        pytest.skip("needs the extra compiler, and node")
-    made = export_page(graph, folder)
-    command = ["node", "-e", NODE, str(folder / made.files[0])]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-    said: dict[str, Any] = json.loads(done.stdout)
-    assert not said["failure"]
-    rows, result = np.array(said["rows"]), graph.run(engine="compiled")
-    own = {round(t / graph.network.dt): row for t, row in zip(rows[:, 0], rows[:, 1:], strict=True)}
-    for t, row in zip(result.time("y"), result["y"], strict=True):
-        if (k := round(t / graph.network.dt)) in own:
-            np.testing.assert_allclose(own[k], np.ravel(row), rtol=1e-9, atol=1e-12)
-
-
 TARGETS: dict[str, Callable[[runtime.Graph, Path], None]] = {
     "c": by_c,
     "library": by_library,
-    "fmu": by_fmu,
-    "html": by_page,
 }
 
 

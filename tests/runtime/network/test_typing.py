@@ -11,6 +11,7 @@ import pytest
 
 import blocks
 import runtime
+from blocks.index import TYPES
 from blocks.registry import BUILTIN
 from runtime.errors import GraphError
 from tests.compilers import skip_without_compiler
@@ -121,11 +122,10 @@ def test_a_stated_type_is_held_against_the_wires() -> None:
 
 
 def test_every_generic_block_of_the_library_takes_a_signal() -> None:
-    generic = {name for name, cls in BUILTIN.items() if cls.spec.generic}
-    # Matrices settle the types of measurements and commands, the phases that of trials, and an
-    # FMU's description that of its outputs.
+    generic = {name for name in TYPES if BUILTIN[name].spec.generic}
+    # Matrices settle the types of measurements and commands, and the phases that of trials.
     generic -= {"ExtendedKalmanFilter", "LinearQuadraticRegulator", "LinearMPC"}
-    generic -= {"LinearDisturbanceObserver", "Trials", "FMU", "ModelExchangeFMU"}
+    generic -= {"LinearDisturbanceObserver", "Trials"}
     assert {"Sum", "Gain", "UnitDelay", "Lowpass", "Switch", "Constant"} <= generic
     assert all("signal" in BUILTIN[name].spec.params for name in generic)
 

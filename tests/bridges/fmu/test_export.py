@@ -12,8 +12,10 @@ import pytest
 
 import runtime
 from runtime.errors import UsageError
-from runtime.export.fmu import export_fmu
+from spikeblocks.fmu.export import export_fmu
 from tests.runtime.export.table import shipped
+from tests.runtime.export.test_targets import FEATURES, graph_of
+from tests.runtime.export.test_targets import TICKS as FEATURE_TICKS
 
 fmpy = pytest.importorskip("fmpy", reason="needs the extra fmu")
 validation = pytest.importorskip("fmpy.validation")
@@ -258,3 +260,12 @@ def test_every_shipped_graph_as_an_fmu(name: str, tmp_path: Path) -> None:
     file = tmp_path / export_fmu(graph, tmp_path, fmi=fmi).files[0]
     assert validation.validate_fmu(str(file)) == []
     assert equal_signals(file, graph, ticks) or not graph.program().observation.probes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feature", FEATURES)
+def test_a_feature_is_exported(feature: str, tmp_path: Path) -> None:
+    graph = graph_of(feature, tmp_path)
+    file = tmp_path / "made" / export_fmu(graph, tmp_path / "made").files[0]
+    assert not validation.validate_fmu(str(file))
+    assert equal_signals(file, graph, FEATURE_TICKS)

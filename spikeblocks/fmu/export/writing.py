@@ -1,7 +1,7 @@
 """A graph as an FMU for co-simulation, for FMI 2.0 or 3.0.
 
-In goes a graph, out comes one file with the exported C around which ``fmi/`` puts the interface,
-the description of its variables, and a binary for this computer::
+In goes a graph, out comes one file with the exported C around which ``model.c`` and ``fmi*.c`` put
+the interface, the description of its variables, and a binary for this computer::
 
     lorenz.fmu    modelDescription.xml
                   binaries/x86_64-linux/lorenz.so
@@ -22,18 +22,24 @@ from pathlib import Path
 from string import Template
 
 from runtime.errors import UsageError
-from runtime.export.controller import Exported, about, layout_of
-from runtime.export.description import Variable, any_of, description, variables
-from runtime.export.files import header, source
-from runtime.export.interface import literal
-from runtime.export.layout import Layout, comment
-from runtime.export.names import check_name, member_name
-from runtime.export.selection import named_blocks, select
+from runtime.export import (
+    Exported,
+    Layout,
+    about,
+    check_name,
+    comment,
+    header,
+    literal,
+    make_layout,
+    member_name,
+    source,
+)
 from runtime.files import refuse_link, system_errors, write_files
 from runtime.graph import Graph
 from runtime.toolchain import Builder, TranslationUnit, available
+from spikeblocks.fmu.export.description import Variable, any_of, description, variables
 
-ASSETS = Path(__file__).parent / "fmi"
+ASSETS = Path(__file__).parent
 OWNERS = {"input": "INPUT", "output": "OUTPUT", "local": "OUTPUT", "parameter": "PARAMETER"}
 STRUCTS = {"INPUT": "inputs", "OUTPUT": "outputs", "PARAMETER": "parameters"}
 SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
@@ -82,8 +88,7 @@ def export_fmu(
     network = graph.network
     name = name or member_name(network.title)
     check_name(name)
-    selection = select(network, graph.program().plan, named_blocks(network, (), ()))
-    layout = layout_of(graph, selection, name, hold=False)
+    layout = make_layout(graph, name)
     observation = graph.program().observation
     recorded = [signal for probe in observation.probes.values() for signal in probe.signals]
     found = variables(layout, recorded, arrays=fmi == 3)
@@ -104,7 +109,7 @@ def export_fmu(
     with system_errors(f"write to '{folder}'"):
         refuse_link(target := Path(folder))
         write_files({target / f"{name}.fmu": _archive(files)}, folders=True)
-    there = selection.outputs
+    there = layout.selection.outputs
     missing = [s.address for s in recorded if s.is_state or (s.end.block, s.end.port) not in there]
     notes += [f"not a variable: {each}, a constant or a state" for each in dict.fromkeys(missing)]
     report = _report(network.title, fmi, found, sum(map(len, files.values())), notes)

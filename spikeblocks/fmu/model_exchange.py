@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from blocks.core import BlockContext, BlockState, FloatArray, ParameterError, State
-from blocks.fmu.imported import ImportedFMU
-from blocks.fmu.instance import Instance
+from spikeblocks.fmu.imported import ImportedFMU
+from spikeblocks.fmu.instance import Instance
 
 
 class ModelExchangeFMU(ImportedFMU):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from blocks.core import BlockState
-from blocks.fmu.imported import ImportedFMU
-from blocks.fmu.instance import Instance
+from spikeblocks.fmu.imported import ImportedFMU
+from spikeblocks.fmu.instance import Instance
 
 
 class FMU(ImportedFMU):

@@ -34,8 +34,8 @@ from blocks.core import (
     param,
     require,
 )
-from blocks.fmu.description import Description, Variable, described
-from blocks.fmu.instance import SERIALIZE, Instance
+from spikeblocks.fmu.description import Description, Variable, described
+from spikeblocks.fmu.instance import SERIALIZE, Instance
 
 SPARE = 64  # bytes that a state may be longer later than at the start
 

@@ -22,21 +22,27 @@ import numpy as np
 
 from runtime.engine import Engine
 from runtime.errors import UsageError
-from runtime.export.controller import Exported, about, layout_of
-from runtime.export.files import header, source
-from runtime.export.layout import Layout
-from runtime.export.names import member_name
-from runtime.export.selection import named_blocks, select
-from runtime.export.shown import Shown, shown
-from runtime.export.sliders import Slider, given, sliders, usual
-from runtime.export.units import Units, write_units
-from runtime.export.wasm import module
+from runtime.export import (
+    Exported,
+    Layout,
+    Units,
+    about,
+    header,
+    make_layout,
+    make_units,
+    member_name,
+    source,
+)
 from runtime.files import refuse_link, system_errors, write_files
 from runtime.graph import Graph
 from runtime.plan import Port
+from runtime.reports import chart_script, chart_style
+from spikeblocks.page.shown import Shown, shown
+from spikeblocks.page.sliders import Slider, given, sliders, usual
+from spikeblocks.page.wasm import module
 
 ROWS = 4000  # of a whole run: more points than a plot has pixels
-ASSETS = Path(__file__).parent / "page"
+ASSETS = Path(__file__).parent
 NAME = "simulation"
 
 
@@ -71,19 +77,14 @@ def export_page(
             "--to html: a page has the whole graph; leave out other options than --slider"
         )
     network = graph.network
-    chosen = named_blocks(network, (), ())
-    selection = select(network, graph.program().plan, chosen)
-    layout = layout_of(graph, selection, NAME, hold=False, loose=True)
-    plots = shown(graph, selection.outputs, _constants(graph))
+    layout = make_layout(graph, NAME, loose=True)
+    outputs = layout.selection.outputs
+    plots = shown(graph, outputs, _constants(graph))
     if not plots.plots:
         raise UsageError("--to html: the graph has no plot that a page can draw; add a timeseries")
 
     def prepare(changed: Graph) -> Units:
-        program = changed.program()
-        engine = Engine(program, changed.network.seed)
-        engine.prepare()
-        again = select(changed.network, program.plan, chosen)
-        return write_units(again, engine.state.blocks, NAME)
+        return make_units(changed, NAME)
 
     made = sliders(graph, layout, prepare, slider or usual(graph, layout), strict=bool(slider))
     packed = gzip.compress(module(_c_text(layout, plots)), 9, mtime=0)
@@ -94,7 +95,7 @@ def export_page(
         refuse_link(place)
         write_files({place / file: text}, folders=True)
     report = _report(network.title, plots, made, len(text), len(packed))
-    return Exported(place, (file,), report, (), tuple(map(".".join, selection.outputs)))
+    return Exported(place, (file,), report, (), tuple(map(".".join, outputs)))
 
 
 def _report(title: str, plots: Shown, made: Sequence[Slider], size: int, module_size: int) -> str:
@@ -168,11 +169,11 @@ def _page(graph: Graph, data: dict[str, Any], packed: bytes, plots: Shown) -> st
     parts = {
         "title": escape(str(data["title"])),
         "lead": escape(hint + notes),
-        "style": asset("uplot.css") + asset("page.css"),
+        "style": chart_style() + asset("page.css"),
         "diagram": "<details><summary>Block diagram</summary>"
         f'<div class="diagram">{picture}</div></details>',
         "about": escape(f"{about(graph)}."),
-        "uplot": f"/*\n{asset('uplot.LICENSE')}*/\n{asset('uplot.js')}",
+        "uplot": chart_script(),
         # "<!--" in a script would begin a comment that swallows the end of the element.
         "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "module": base64.b64encode(packed).decode("ascii"),

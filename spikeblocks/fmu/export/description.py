@@ -20,8 +20,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from blocks.core import SignalType, dimension
-from runtime.export.layout import Layout
-from runtime.export.names import unused
+from runtime.export import Layout, unused
 from runtime.network import Network, PortDeclaration, first_column
 from runtime.observation import Signal
 

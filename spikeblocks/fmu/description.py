@@ -17,8 +17,11 @@ from xml.etree import ElementTree
 
 from blocks.core import ParameterError, hint
 from blocks.files import DAMAGED, archive, read
-from blocks.limits import FMU, FMU_ENTRIES, FMU_NUMBERS, FMU_TEXT, FMU_UNPACKED, size
+from blocks.limits import GIB, MIB, size
 
+# Limits on what an FMU may ask for; docs/fmu.md shows them.
+FMU, UNPACKED = 128 * MIB, GIB
+TEXT, ENTRIES, ALL_NUMBERS = 32 * MIB, 1_000_000, 1_000_000
 NUMBERS = ("Real", "Integer", "Boolean", "Enumeration", "Float64", "Float32")
 _DAMAGED: tuple[type[Exception], ...] = (*DAMAGED, ElementTree.ParseError)
 INTEGERS = tuple(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64))
@@ -110,13 +113,13 @@ class _Builder(ElementTree.TreeBuilder):
 @lru_cache(maxsize=4)
 def _read(path: str, stamp: int) -> Description:
     content = read(path, FMU)
-    with archive(io.BytesIO(content), FMU_UNPACKED) as members:
-        if members.getinfo("modelDescription.xml").file_size > FMU_TEXT:
-            raise ValueError(f"its modelDescription.xml is larger than {size(FMU_TEXT)}")
+    with archive(io.BytesIO(content), UNPACKED) as members:
+        if members.getinfo("modelDescription.xml").file_size > TEXT:
+            raise ValueError(f"its modelDescription.xml is larger than {size(TEXT)}")
         text = members.read("modelDescription.xml")
     # Counted before it is read: an element of four characters takes a hundred bytes of memory.
-    if text.count(b"<") + text.count(b"=") > FMU_ENTRIES:
-        message = f"more than {FMU_ENTRIES:,} elements and attributes"
+    if text.count(b"<") + text.count(b"=") > ENTRIES:
+        message = f"more than {ENTRIES:,} elements and attributes"
         raise ValueError(f"its modelDescription.xml has {message}")
     root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Builder()))
     version = root.get("fmiVersion", "")
@@ -160,8 +163,8 @@ def _variables(root: ElementTree.Element, is_three: bool) -> dict[str, Variable]
         count = math.prod(int(part.get("start", "1")) for part in each.findall("Dimension"))
         key = reference if is_three else str(index)
         total += count
-        if not 0 <= count <= total <= FMU_NUMBERS:
-            raise ValueError(f"its variables have more than {FMU_NUMBERS:,} numbers")
+        if not 0 <= count <= total <= ALL_NUMBERS:
+            raise ValueError(f"its variables have more than {ALL_NUMBERS:,} numbers")
         name = each.get("name", "")
         made[name] = Variable(
             *(name, int(reference), kind.tag, count, each.get("causality", "local")),

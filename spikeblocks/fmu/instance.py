@@ -25,8 +25,7 @@ import numpy as np
 
 from blocks.core import FloatArray, ParameterError, require
 from blocks.files import archive
-from blocks.fmu.description import Description, Variable
-from blocks.limits import FMU_UNPACKED
+from spikeblocks.fmu.description import UNPACKED, Description, Variable
 
 TYPES = {"Enumeration": ("Integer", "Int64")}  # how values of a type are given
 SERIALIZE = "canSerializeFMUState"
@@ -218,7 +217,7 @@ def _unpacked(content: bytes) -> str:
     """A folder with the files of an FMU, as long as the process runs."""
     place = Path(_folder(hashlib.sha256(content).hexdigest()).name)
     if not (place / "modelDescription.xml").exists():
-        with archive(io.BytesIO(content), FMU_UNPACKED) as members:
+        with archive(io.BytesIO(content), UNPACKED) as members:
             # The description last, so that a folder with it is complete; it leaves out what leads
             # out of the folder.
             names = sorted(members.namelist(), key="modelDescription.xml".__eq__)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-import blocks
 import runtime
 from blocks.core import ParameterError, Scalar
-from blocks.fmu.description import described
+from blocks.limits import size
 from runtime.errors import GraphError, SimulationError
-from runtime.export.fmu import export_fmu
+from spikeblocks.fmu import FMU, description
+from spikeblocks.fmu.description import described
+from spikeblocks.fmu.export import export_fmu
 
 pytest.importorskip("fmpy", reason="needs the extra fmu")
+SIZES = (description.FMU, description.UNPACKED, description.TEXT)
+COUNTS = (description.ENTRIES, description.ALL_NUMBERS)
 REFERENCE = Path(os.environ.get("SPIKEBLOCKS_REFERENCE_FMUS", "missing"))
 needs_reference = pytest.mark.skipif(
     not REFERENCE.is_dir(),
@@ -102,7 +106,7 @@ def test_a_snapshot_has_the_state_of_the_fmu(fmi: int, engine: str, lag: Lag) ->
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_the_block_follows_the_rules_for_blocks(fmi: int, lag: Lag) -> None:
-    runtime.check_block(blocks.FMU(file=str(lag[1][fmi])), inputs={"u": Scalar})
+    runtime.check_block(FMU(file=str(lag[1][fmi])), inputs={"u": Scalar})
 
 
 def test_an_fmu_that_cannot_write_its_state_says_so_when_a_run_goes_back(
@@ -243,6 +247,13 @@ def test_a_description_that_asks_for_much_is_refused(
     text += "</ModelVariables></fmiModelDescription>"
     with pytest.raises(ParameterError, match=reason):
         described(str(described_by(tmp_path, text.encode())))
+
+
+def test_the_limits_are_those_of_the_page() -> None:
+    page = Path(__file__).parents[3].joinpath("docs", "fmu.md").read_text(encoding="utf-8")
+    limits = page.partition("## Limits")[2]
+    assert re.findall(r"\d+ [MG]iB", limits) == [size(n) for n in SIZES]
+    assert re.findall(r"\d,[\d,]+", limits) == [f"{n:,}" for n in COUNTS]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])

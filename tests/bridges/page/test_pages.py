@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import re
+import shutil
 import subprocess
 import tempfile
 from importlib.util import find_spec
@@ -17,9 +18,10 @@ import pytest
 
 import runtime
 from runtime.errors import UsageError
-from runtime.export.html import export_page
-from runtime.export.shown import plain
+from spikeblocks.page import export_page
+from spikeblocks.page.shown import plain
 from tests.browser import FLAGS, Driven, browser, find
+from tests.runtime.export.test_targets import FEATURES, graph_of
 
 needs_ziglang = pytest.mark.skipif(find_spec("ziglang") is None, reason="needs the extra compiler")
 # Waits until the first run has ended, moves a slider as a hand does, and waits for the second.
@@ -52,6 +54,28 @@ frame.addEventListener("load", async () => {{
   document.querySelector("pre").textContent = JSON.stringify(said);
 }});
 </script>
+"""
+
+# Steps the module of a page as its script does, and writes the rows.
+NODE = """
+const fs = require("fs"), zlib = require("zlib");
+const text = fs.readFileSync(process.argv[1], "utf8");
+const DATA = JSON.parse(text.split("const DATA = ")[1].split(";\\nconst MODULE")[0]);
+const packed = text.split("const MODULE = \\"")[1].split("\\"")[0];
+const modules = new Proxy({}, {get: () => new Proxy({}, {get: () => () => 0})});
+const bytes = zlib.gunzipSync(Buffer.from(packed, "base64"));
+WebAssembly.instantiate(bytes, modules).then((made) => {
+  const core = made.instance.exports, rows = [], width = DATA.columns.length;
+  if (core._initialize) core._initialize();
+  core.init();
+  while (core.tick() < DATA.ticks && !core.failure()) {
+    const count = core.advance(Math.min(64, DATA.ticks - core.tick()), 1);
+    const found = new Float64Array(core.memory.buffer, core.rows(), count * width);
+    for (let i = 0; i < count; i++) rows.push(Array.from(found.slice(i * width, (i + 1) * width)));
+  }
+  const failure = core.failure() !== DATA.stopped && core.failure();
+  console.log(JSON.stringify({rows, failure}));
+});
 """
 
 
@@ -218,3 +242,21 @@ def test_a_slider_of_an_input_stays_in_its_bounds(slider: str, said: str, tmp_pa
     with pytest.raises(UsageError) as error:
         export_page(runtime.load("gallery/cart_pole_balance"), tmp_path / "out", slider=[slider])
     assert said in str(error.value)
+
+
+@needs_ziglang
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+@pytest.mark.parametrize("feature", FEATURES)
+def test_a_feature_is_exported(feature: str, tmp_path: Path) -> None:
+    graph = graph_of(feature, tmp_path)
+    made = export_page(graph, tmp_path / "made")
+    command = ["node", "-e", NODE, str(tmp_path / "made" / made.files[0])]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    said: dict[str, Any] = json.loads(done.stdout)
+    assert not said["failure"]
+    rows, result = np.array(said["rows"]), graph.run(engine="compiled")
+    own = {round(t / graph.network.dt): row for t, row in zip(rows[:, 0], rows[:, 1:], strict=True)}
+    for t, row in zip(result.time("y"), result["y"], strict=True):
+        if (k := round(t / graph.network.dt)) in own:
+            np.testing.assert_allclose(own[k], np.ravel(row), rtol=1e-9, atol=1e-12)

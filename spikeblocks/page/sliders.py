@@ -21,8 +21,7 @@ import numpy as np
 
 from blocks.core import Setting, hint
 from runtime.errors import SpikeblocksError, UsageError
-from runtime.export.layout import Layout
-from runtime.export.units import Units
+from runtime.export import Layout, Units
 from runtime.graph import Graph
 from runtime.network import PortDeclaration
 
