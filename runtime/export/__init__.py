@@ -3,8 +3,8 @@
 ``selection`` is what is exported, ``units`` the blocks' C text, ``tuning`` what follows from their
 parameters; ``files`` and ``library`` write around it, ``recording`` is the run to compare with,
 ``report`` what it all needs. What a block stores to and how many operations it takes is asked of
-its typed form (``stored`` and ``Counter`` of :mod:`runtime.codegen`). A target of another package gets the C of a
-whole graph from ``make_layout``, ``header`` and ``source``.
+its typed form (``stored`` and ``Counter`` of :mod:`runtime.codegen`). A target of another package
+gets the C of a whole graph from ``make_layout``, ``header`` and ``source``.
 """
 
 from typing import TYPE_CHECKING
