@@ -18,6 +18,7 @@ from blocks.foreign import raised_at as raised_at
 from blocks.foreign import raised_text as raised_text
 from blocks.foreign import text_of as text_of
 from blocks.limits import PROBLEMS
+from blocks.messages import Fix, as_message, plain_fix
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -39,21 +40,51 @@ NOWHERE = Where()
 Location = tuple[Where, str]
 # Nobody reads more, and a generated graph can have the same mistake a million times.
 MAX_PROBLEMS = PROBLEMS
+# Kinds of problems about a name that does not exist.
+KEYS = {"unknown-key", "unknown-parameter"}
+NAMES = KEYS | {"unknown-block", "unknown-input", "unknown-output"}
 
 
 @dataclass(frozen=True, order=True)
 class Problem:
     """One thing that is wrong: its position, its address in the graph, and how to fix it.
 
-    ``is_name`` marks a name that does not exist, which no later change can correct;
-    ``is_pending`` what is not known yet, and goes away by itself.
+    ``kind`` is one of ``KINDS`` in ``blocks.messages``, by default that of the text. ``fixes`` are
+    what the text suggests, as data.
     """
 
     where: Where
     address: str
     text: str
-    is_name: bool = field(default=False, compare=False)
-    is_pending: bool = field(default=False, compare=False)
+    kind: str = field(default="", compare=False)
+    fixes: tuple[Fix, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        message = as_message(self.text)
+        object.__setattr__(self, "kind", self.kind or message.kind)
+        object.__setattr__(self, "fixes", self.fixes or message.fixes)
+
+    @property
+    def is_name(self) -> bool:
+        """Whether a name does not exist, which no later change can correct."""
+        # What is recorded may be a signal of a block that is added later.
+        is_recorded = self.address.startswith(("probes.", "plots.", "metrics."))
+        return self.kind in (KEYS if is_recorded else NAMES)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether it is not known yet, and goes away by itself."""
+        return self.kind == "pending"
+
+    def plain(self) -> dict[str, Any]:
+        """The problem as JSON has it."""
+        return {
+            "where": str(self.where),
+            "address": self.address,
+            "message": str(self.text),
+            "kind": self.kind,
+            "fixes": [plain_fix(fix) for fix in self.fixes],
+        }
 
     def __str__(self) -> str:
         line = ": ".join(part for part in (str(self.where), self.address, self.text) if part)
@@ -144,16 +175,16 @@ class Problems:
     items: list[Problem] = field(default_factory=list)
     _silent: set[Where | str] = field(default_factory=set)
 
-    def add(self, where: Where, address: str, text: str, is_name: bool = False) -> None:
+    def add(self, where: Where, address: str, text: str, kind: str = "") -> None:
         if where not in self._silent and address not in self._silent:
-            self.items.append(Problem(where, address, text, is_name))
+            self.items.append(Problem(where, address, text, kind))
             if len(self.items) > MAX_PROBLEMS:
                 message = f"more than {MAX_PROBLEMS} problems; these are the first"
-                raise GraphError([Problem(NOWHERE, "", message), *self.items])
+                raise GraphError([Problem(NOWHERE, "", message, "too-large"), *self.items])
 
     def wait(self, where: Where, address: str, text: str) -> None:
         """Add what is not known yet, which is no mistake."""
-        self.items.append(Problem(where, address, text, is_pending=True))
+        self.items.append(Problem(where, address, text, "pending"))
 
     def silence(self, where: Where, address: str) -> None:
         """Ignore further problems of the value here, and of lists that contain it."""

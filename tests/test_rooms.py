@@ -24,7 +24,7 @@ PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "example
 # Bottom floor first. A room may import from its own files and from floors below; rooms on one floor
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
-    ("blocks.foreign", "blocks.index", "blocks.limits"),
+    ("blocks.foreign", "blocks.index", "blocks.limits", "blocks.messages"),
     ("blocks.extensions", "blocks.files", "blocks.lazy"),
     ("blocks.core",),
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),

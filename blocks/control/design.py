@@ -18,8 +18,8 @@ from blocks.core import (
     BlockState,
     FloatArray,
     ParameterError,
-    hint,
     jacobian,
+    misspelt,
     size_of,
     started,
 )
@@ -103,7 +103,8 @@ def model_of(
 def _input_of(block: Block, port: str) -> str:
     inputs = [name for name, each in block.spec.inputs.items() if not each.variadic]
     if port and port not in inputs:
-        raise ParameterError([("input", f"the plant has no input '{port}'{hint(port, inputs)}")])
+        text = f"the plant has no input '{port}'"
+        raise ParameterError([("input", misspelt("unknown-input", text, port, inputs))])
     if not port and len(inputs) != 1:
         listed = ", ".join(inputs) or "none"
         raise ParameterError([("input", f"missing; the inputs of the plant are {listed}")])
@@ -150,7 +151,8 @@ def _output(block: Block, state: BlockState, port: str, given: Given) -> object:
 def _outputs(block: Block, state: BlockState, given: Given, ports: Sequence[str]) -> FloatArray:
     for port in ports:
         if port not in block.spec.outputs:
-            message = f"the plant has no output '{port}'{hint(port, block.spec.outputs)}"
+            text = f"the plant has no output '{port}'"
+            message = misspelt("unknown-output", text, port, block.spec.outputs)
             raise ParameterError([("measured", message)])
     values = [np.ravel(np.asarray(_output(block, state, p, given), float)) for p in ports]
     return np.concatenate([np.zeros(0), *values])

@@ -34,6 +34,7 @@ from blocks.core import (
     rate_note,
     size_of,
 )
+from blocks.messages import Message
 
 
 class _SteadyState(Block, ABC):
@@ -78,7 +79,9 @@ class _SteadyState(Block, ABC):
         p = self.r.shape[0] if self.r.ndim else 1
         problems = given_problems(self.plant, {"A": self.a, "C": self.c})
         if self.plant is not None and not self.measured:
-            problems.append(("measured", "missing; expected outputs of the plant"))
+            problems.append(
+                ("measured", Message("missing; expected outputs of the plant", "missing-value"))
+            )
         if self.plant is not None and self.b is not None:
             problems.append(("B", "given with plant, which has its own; expected one of them"))
         for name, matrix, size, definite in (("Q", self.q, n, False), ("R", self.r, p, True)):

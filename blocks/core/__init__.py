@@ -36,7 +36,7 @@ from blocks.core.frequency_response import (
     refined,
 )
 from blocks.core.graph_input import GraphInput
-from blocks.core.hints import hint, rate_note, similar
+from blocks.core.hints import hint, misspelt, rate_note, similar, unknown_parameter
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -199,6 +199,7 @@ __all__ = [
     "kron",
     "maybe_degrees",
     "misnamed",
+    "misspelt",
     "modulo",
     "nearest",
     "param",
@@ -234,6 +235,7 @@ __all__ = [
     "transposed",
     "turned",
     "turned_back",
+    "unknown_parameter",
     "value_type",
     "width_of",
     "wrap",

@@ -78,11 +78,12 @@ from typing import Any, ClassVar
 
 from blocks.core.block_state import BlockContext, BlockState
 from blocks.core.declarations import BlockSpec, Evaluation, Input, Output, State
-from blocks.core.hints import alternatives, hint
+from blocks.core.hints import unknown_parameter
 from blocks.core.params import DeclarationError, ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import FloatArray, PortType, SignalType
+from blocks.messages import message_of
 
 __all__ = [
     "Block",
@@ -135,12 +136,11 @@ class Block:
             problems.append((name or "value", text))
         # All at once, the unknown ones included: a user then corrects a graph in one go.
         problems += [
-            (name, f"unknown parameter{hint(name, known) or alternatives(known)}")
-            for name in sorted(values.keys() - known.keys())
+            (name, unknown_parameter(name, known)) for name in sorted(values.keys() - known.keys())
         ]
         for name, declared in known.items():
             if name not in values and declared.required and not unnamed:
-                problems.append((name, f"missing; expected {declared.describe()}: {declared.doc}"))
+                problems.append((name, declared.missing()))
                 continue
             if name not in values and declared.required:
                 continue
@@ -149,7 +149,7 @@ class Block:
             except SettingError as error:
                 problems += [(f"{name}.{at}" if at else name, text) for at, text in error.problems]
             except ValueError as error:
-                problems.append((name, str(error)))
+                problems.append((name, message_of(error)))
             else:
                 self.__dict__[self.spec.attributes[name]] = value
         # Shapes name other parameters, so all of them have to be valid first.

@@ -39,7 +39,7 @@ from blocks.core.expression_values import (
     number,
     one_or_zero,
 )
-from blocks.core.hints import hint
+from blocks.core.hints import misspelt, similar
 from blocks.core.scalar_functions import ALIASES, CONSTANTS, FUNCTIONS
 
 _SUGGESTED = {
@@ -205,8 +205,9 @@ class Reader(Indices):
 
     def unknown(self, node: ast.expr, name: str) -> NoReturn:
         known = [*self.names, *self.indices, *CONSTANTS]
-        near = hint(name, known) or hint(name, FUNCTIONS) or f"; known: {', '.join(known)}"
-        self.fail(node, f"unknown name '{name}'{near}")
+        similar_to = known if similar(name, known) else [*FUNCTIONS]
+        text, other = f"unknown name '{name}'", f"; known: {', '.join(known)}"
+        self.fail(node, misspelt("unknown-name", text, name, similar_to, other))
 
     def attribute(self, node: ast.Attribute, owner: str, attribute: str) -> Value:
         dotted = f"{owner}.{attribute}"
@@ -216,8 +217,8 @@ class Reader(Indices):
             self.fail(node, f"write '{attribute}' in place of '{dotted}'")
         parts = [name for name in self.names if name.startswith(f"{owner}.")]
         known = f"; known: {', '.join(parts)}" if parts else ""
-        near = hint(dotted, self.names) or known
-        self.fail(node, f"'{owner}' has no component '{attribute}'{near}")
+        text = f"'{owner}' has no component '{attribute}'"
+        self.fail(node, misspelt("unknown-name", text, dotted, self.names, known))
 
     def subscript(self, node: ast.Subscript, depth: int) -> Value:
         """Components of a vector or a matrix: ``x[0]``, ``x[3*i:3*i + 3]``, ``a[:, 1]``."""
@@ -399,8 +400,8 @@ class Reader(Indices):
         if name in ALIASES:
             self.fail(node, f"no function '{name}'; write '{ALIASES[name]}'")
         known = [*FUNCTIONS, *(each for each in (*ARRAYS, *CREATION) if each not in FUNCTIONS)]
-        near = hint(name, known)
-        self.fail(node, f"no function '{name}'{near or '; known: ' + ', '.join(known)}")
+        text, other = f"no function '{name}'", f"; known: {', '.join(known)}"
+        self.fail(node, misspelt("unknown-name", text, name, known, other))
 
     def refuse(self, node: ast.expr) -> NoReturn:
         what = {

@@ -13,6 +13,7 @@ import re
 import threading
 
 from blocks.limits import EXPRESSION_LENGTH
+from blocks.messages import as_message
 
 MAX_LENGTH = EXPRESSION_LENGTH
 # Python 3.11 counts the depth of a syntax tree for all threads together, and raises an error.
@@ -33,7 +34,7 @@ class ExpressionError(ValueError):
 
     def __init__(self, text: str, column: int, message: str) -> None:
         self.text, self.column, self.message = text, column, message
-        super().__init__(f"column {column}: {message}")
+        super().__init__(as_message(message).within(f"column {column}: "))
 
 
 def parsed(source: str) -> ast.Module:

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from blocks.messages import Message, Replace
+
 # Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
 # length that is compared, and the number of classes in which letters are counted.
 ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
@@ -32,6 +34,31 @@ def hint(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None)
     """
     near = similar(name, known, also)
     return f", did you mean '{near}'?" if near else ""
+
+
+def misspelt(
+    kind: str,
+    text: str,
+    name: Any,
+    known: Iterable[str],
+    otherwise: str = "",
+    also: Mapping[str, str] | None = None,
+) -> Message:
+    """A message about a name that does not exist: ``text`` and what was probably meant.
+
+    ``otherwise`` ends the sentence where no name is similar; ``also`` as above.
+    """
+    near = similar(name, known, also)
+    if not near:
+        return Message(text + otherwise, kind)
+    return Message(f"{text}, did you mean '{near}'?", kind, [Replace(near, str(name))])
+
+
+def unknown_parameter(name: str, known: Iterable[str]) -> Message:
+    """The message about a parameter that a block does not have."""
+    known = list(known)
+    otherwise = alternatives(known)
+    return misspelt("unknown-parameter", "unknown parameter", name, known, otherwise)
 
 
 def similar(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from blocks.core.params import Param, show
 from blocks.core.reading import read_params
+from blocks.messages import Message
 
 
 class Options:
@@ -37,7 +38,7 @@ class Options:
             if name not in values:
                 if declared.required:
                     expected = f"expected {declared.describe(known)}"
-                    yield name, f"missing; {expected}: {declared.doc}"
+                    yield name, Message(f"missing; {expected}: {declared.doc}", "missing-value")
                 continue
             written = values[name]
             try:

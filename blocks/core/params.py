@@ -17,11 +17,12 @@ import numpy as np
 
 from blocks.core.expression_text import ExpressionError
 from blocks.core.expressions import array_of
-from blocks.core.hints import hint
+from blocks.core.hints import misspelt
 from blocks.core.names import Names
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 from blocks.core.stored_arrays import StoredArray, as_written
+from blocks.messages import Message, Replace, message_of
 
 REQUIRED: Any = object()
 USUAL_ANGLES = {"rad": math.tau, "rad/s": 3.0 * math.tau}  # larger ones may be degrees
@@ -160,34 +161,40 @@ class Param:
             raise
         except (ExpressionError, ZeroDivisionError) as error:
             quotes = "; in {...} it needs quotes" if value.count("(") > value.count(")") else ""
-            raise ValueError(f"{error} (in '{value[:60]}'){quotes}") from None
+            message = message_of(error).within(after=f" (in '{value[:60]}'){quotes}")
+            raise ValueError(message) from None
         except (TypeError, ValueError, ArithmeticError) as error:
             if self.kind == "signal" and isinstance(value, str):
-                raise ValueError(f"{error}{hint(value, TYPES)}") from None
-            text = f"expected {self.describe()}, got {show(value)}{self._number_hint(value)}"
-            raise ValueError(text) from None
+                raise ValueError(misspelt("unknown-type", str(error), value, TYPES)) from None
+            text = f"expected {self.describe()}, got {show(value)}"
+            raise ValueError(self._with_number(text, value)) from None
         if self.choices and self.kind != "array" and converted not in self.choices:
-            raise ValueError(
-                f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
-            )
+            text = f"expected {self.describe()}, got {show(value)}"
+            raise ValueError(misspelt("invalid-value", text, value, self.choices))
         if self.kind in ("float", "int", "array") and not self._within(converted):
             raise ValueError(f"expected {self.describe()}, got {show(value)}")
         if isinstance(converted, np.ndarray):
             converted.setflags(write=False)
         return converted
 
-    def _number_hint(self, value: Any) -> str:
-        """How to write the number that a string seems to mean."""
+    def missing(self) -> Message:
+        """What is wrong where a required parameter is not given."""
+        return Message(f"missing; expected {self.describe()}: {self.doc}", "missing-value")
+
+    def _with_number(self, text: str, value: Any) -> str:
+        """A message, with how to write the number that a string seems to mean."""
         if not isinstance(value, str):
-            return ""
+            return text
         if match := _COMMA.fullmatch(value):
-            return f"; a decimal point is a dot: {match[1]}.{match[2]}"
+            number = f"{match[1]}.{match[2]}"
+            fixes = [Replace(number, title=f"Replace by {number}")]
+            return Message(f"{text}; a decimal point is a dot: {number}", fixes=fixes)
         match = _WITH_UNIT.fullmatch(value.strip())
         if not match or self.kind not in ("float", "int", "array") or not self.unit:
-            return ""
+            return text
         if len(self.units) == 1 and self.unit.startswith("rad") and match[2].startswith("deg"):
-            return f"; in degrees, it is {match[1]}deg{self.unit.removeprefix('rad')}"
-        return f"; write the number alone, in {self.unit}"
+            return f"{text}; in degrees, it is {match[1]}deg{self.unit.removeprefix('rad')}"
+        return f"{text}; write the number alone, in {self.unit}"
 
     def _within(self, numbers: Any) -> bool:
         if not isinstance(numbers, np.ndarray):

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from blocks.core.hints import alternatives, hint
+from blocks.core.hints import alternatives, misspelt
 from blocks.core.params import plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
 from blocks.extensions import BrokenPackageError, Registry
+from blocks.messages import message_of
 
 # How a graph names a class that is not the library's.
 OWN = "; your own needs its file, as in {type: Mine, module: mine.py}"
@@ -47,18 +48,19 @@ class Variant(Setting):
     declared: ClassVar[Mapping[str, Any]] = {}
 
     def __init__(self, **values: Any) -> None:
-        problems = [
-            (name, f"unknown{hint(name, self.declared) or alternatives(self.declared)}")
+        other = alternatives(self.declared)
+        problems: list[tuple[str, str]] = [
+            (name, misspelt("unknown-parameter", "unknown", name, self.declared, other))
             for name in sorted(values.keys() - self.declared.keys())
         ]
         for name, declared in self.declared.items():
             if name not in values and declared.required:
-                problems.append((name, f"missing; expected {declared.describe()}: {declared.doc}"))
+                problems.append((name, declared.missing()))
                 continue
             try:
                 self.__dict__[name] = declared.convert(values.get(name, declared.default))
             except ValueError as error:
-                problems.append((name, str(error)))
+                problems.append((name, message_of(error)))
         problems = problems or self.wrong()
         if problems:
             raise SettingError(problems)
@@ -84,9 +86,9 @@ class Variant(Setting):
             return member(**values)  # type: ignore[no-any-return]
         known = cls.members.names()
         got = "nothing" if name is None else show(name)
-        suggestion = hint(name, known) or (OWN if cls.members.name else "")
-        text = f"expected {cls.expected} ({', '.join(known)}), got {got}{suggestion}"
-        raise SettingError([(where, text)])
+        text = f"expected {cls.expected} ({', '.join(known)}), got {got}"
+        other = OWN if cls.members.name else ""
+        raise SettingError([(where, misspelt("unknown-type", text, name, known, other))])
 
     @classmethod
     def forms(cls) -> Mapping[str, str]:

@@ -27,6 +27,7 @@ from blocks.core import (
 from blocks.dynamics.covariances import propagated
 from blocks.dynamics.filtering import Filter
 from blocks.dynamics.measurements import Measurement
+from blocks.messages import Message
 
 # The relative step of a central difference: the cube root of the rounding error.
 STEP = float(np.finfo(np.float64).eps) ** (1.0 / 3.0)
@@ -90,10 +91,15 @@ class ExtendedKalmanFilter(Filter, Equations):
             problems.append(("states", message))
         problems += self.name_problems({}, self.states or ())
         if self.f is None and not self._is_own("transition"):
-            problems.append(("transition", f"missing; expected {n} expression(s)"))
+            problems.append(
+                ("transition", Message(f"missing; expected {n} expression(s)", "missing-value"))
+            )
         if not problems:
             problems += [
-                (self.address(kind, "observation"), f"missing; expected {kind.size} expression(s)")
+                (
+                    self.address(kind, "observation"),
+                    Message(f"missing; expected {kind.size} expression(s)", "missing-value"),
+                )
                 for kind in self.kinds
                 if (kind.observation is None or kind.c is not None)
                 and not self._is_own("observation")

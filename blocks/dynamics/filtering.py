@@ -38,6 +38,7 @@ from blocks.core import (
 )
 from blocks.dynamics.covariances import corrected_covariance, kalman_gain
 from blocks.dynamics.measurements import Measurement, Measurements
+from blocks.messages import Message
 
 # What is nearer than this to a whole number of steps, in steps, is whole.
 WHOLE = 1e-6
@@ -130,9 +131,10 @@ class Filter(Block, ABC):
     def covariance_problems(self) -> list[tuple[str, str]]:
         """What is wrong with covariances, and with what stands for measurements."""
         n = self.order
-        problems = []
+        problems: list[tuple[str, str]] = []
         if self.several is None and self.r is None:
-            problems.append(("R", "missing; expected a covariance, or measurements"))
+            text = "missing; expected a covariance, or measurements"
+            problems.append(("R", Message(text, "missing-value")))
         elif self.several is not None and (
             self.r is not None or self.value(self.model) is not None
         ):

@@ -24,6 +24,7 @@ from blocks.core import (
 from blocks.dynamics.covariances import propagated
 from blocks.dynamics.filtering import Filter
 from blocks.dynamics.measurements import Measurement
+from blocks.messages import Message
 
 
 class KalmanFilter(Filter):
@@ -73,7 +74,14 @@ class KalmanFilter(Filter):
         if self.x0 is not None and len(self.x0) != n:
             problems.append(("x0", f"expected {n} numbers, one per state, got {len(self.x0)}"))
         if self.several is None and self.c is None:
-            problems.append(("C", "missing; expected rows of n numbers, or measurements"))
+            problems.append(
+                (
+                    "C",
+                    Message(
+                        "missing; expected rows of n numbers, or measurements", "missing-value"
+                    ),
+                )
+            )
         else:
             problems += self.covariance_problems()
             known = self.several is not None or self.r is not None
@@ -87,7 +95,12 @@ class KalmanFilter(Filter):
         """Where a measurement does not fit the states, or R its C."""
         n, c = len(self.a), kind.c
         if c is None or kind.observation is not None:
-            return [(self.address(kind, "C"), "missing; expected rows of n numbers, in place of h")]
+            return [
+                (
+                    self.address(kind, "C"),
+                    Message("missing; expected rows of n numbers, in place of h", "missing-value"),
+                )
+            ]
         if c.shape[1] != n:
             text = f"expected {n} columns, as A has, got {size_of(c)}"
             return [(self.address(kind, "C"), text)]

@@ -14,7 +14,16 @@ from typing import Any, Self
 
 import numpy as np
 
-from blocks.core import FloatArray, Setting, SettingError, covariance_fault, hint, param, size_of
+from blocks.core import (
+    FloatArray,
+    Setting,
+    SettingError,
+    covariance_fault,
+    misspelt,
+    param,
+    size_of,
+)
+from blocks.messages import Message
 
 _FIELDS = {
     "observation": param(None, doc="h, as expressions").bound("observation", "texts"),
@@ -113,15 +122,18 @@ def _read(name: str, given: Any, problems: list[tuple[str, str]]) -> Measurement
     before = len(problems)
     for key, value in given.items():
         if key not in _FIELDS:
-            listed = hint(str(key), _FIELDS) or f"; expected {', '.join(_FIELDS)}"
-            problems.append((f"{name}.{key}", f"unknown{listed}"))
+            other = f"; expected {', '.join(_FIELDS)}"
+            message = misspelt("unknown-key", "unknown", key, _FIELDS, other)
+            problems.append((f"{name}.{key}", message))
             continue
         try:
             found[key] = _FIELDS[key].convert(value)
         except ValueError as error:
             problems.append((f"{name}.{key}", str(error)))
     if "R" not in given:
-        problems.append((f"{name}.R", "missing; expected the covariance of its noise"))
+        problems.append(
+            (f"{name}.R", Message("missing; expected the covariance of its noise", "missing-value"))
+        )
     if len(problems) > before:
         return None
     r, c = found.pop("R"), found.pop("C", None)

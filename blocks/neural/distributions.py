@@ -24,7 +24,7 @@ from blocks.core import (
     Setting,
     SettingError,
     array_of,
-    hint,
+    misspelt,
     plain,
     show,
 )
@@ -201,13 +201,13 @@ class Distribution(Setting):
         match = _CALL.fullmatch(text[:LONGEST])
         known = ", ".join(kind.form for kind in KINDS.values())
         if match is None or match[1] not in KINDS:
-            near = hint(match[1], KINDS) if match else ""
             if "(" in text and ")" not in text:
                 raise SettingError(
                     [("", f"{show(text)} ends at a comma; in {{...}} put it into quotes")]
                 )
-            message = f"expected a number, an array or one of {known}, got {show(text)}{near}"
-            raise SettingError([("", message)])
+            message = f"expected a number, an array or one of {known}, got {show(text)}"
+            name, names = (match[1], KINDS) if match else ("", ())
+            raise SettingError([("", misspelt("unknown-type", message, name, names))])
         kind = KINDS[match[1]]
         arguments = _arguments(match[2] or "", text)
         least, most = kind.least, kind.most

@@ -22,7 +22,7 @@ from blocks.core import (
     FloatArray,
     SettingError,
     Variant,
-    hint,
+    misspelt,
     param,
     product,
     show,
@@ -74,10 +74,10 @@ class Synapse(Variant, root=True):
             kind = cls.members.get(name.strip())
             numbers = [_number(part) for part in inside.split(",")]
             if kind is None or None in numbers or len(numbers) > len(kind.declared):
-                near = hint(name, cls.members) if kind is None else ""
-                known = ", ".join(_form(member) for member in cls.members.values())
-                message = f"expected a time constant in s, or {known}, got {show(written)}{near}"
-                raise SettingError([("", message)])
+                forms = ", ".join(_form(member) for member in cls.members.values())
+                text = f"expected a time constant in s, or {forms}, got {show(written)}"
+                known = cls.members if kind is None else ()
+                raise SettingError([("", misspelt("unknown-type", text, name, known))])
             return kind(**dict(zip(kind.declared, numbers, strict=False)))
         return super().read(written)
 

@@ -23,7 +23,7 @@ from blocks.core import (
     ParameterError,
     SignalType,
     check_ascending,
-    hint,
+    misspelt,
     param,
 )
 from blocks.files import DAMAGED, UnfitError, archive, array_header, read, read_array
@@ -152,8 +152,9 @@ class FromFile(Table):
 
     def _check_known(self, parameter: str, name: str, columns: RecordedColumns) -> None:
         if name not in columns:
-            suggestion = hint(name, columns) or f"; the file has {', '.join(list(columns)[:20])}"
-            raise ParameterError([(parameter, f"there is no column '{name}'{suggestion}")])
+            text, other = f"there is no column '{name}'", ", ".join(list(columns)[:20])
+            message = misspelt("unknown-name", text, name, columns, f"; the file has {other}")
+            raise ParameterError([(parameter, message)])
 
     @property
     def how(self) -> str:

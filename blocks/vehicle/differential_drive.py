@@ -29,6 +29,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.messages import Message
 from blocks.vehicle.contact import slide
 from blocks.world import TOUCH, Surfaces, World, misplaced, nearest, world_of
 
@@ -112,7 +113,7 @@ class DifferentialDrive(Block):
         world = world_of(context)
         if world is None:
             message = "a body needs a world, but the graph has no world: section"
-            raise ParameterError([("body_radius", message)])
+            raise ParameterError([("body_radius", Message(message, "missing-world"))])
         x, y, _ = self.x0.tolist()
         message = misplaced(world, "body", x, y, self.body_radius)
         if message:

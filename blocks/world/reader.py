@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import BoolArray, FloatArray, ParameterError, hint, show
+from blocks.core import BoolArray, FloatArray, ParameterError, misspelt, show
 
 # Distances are exact to about 1e-9 m only while coordinates are no larger than that (m).
 FARTHEST = 1e4
@@ -45,8 +45,9 @@ def read_shapes(description: Any) -> WorldShapes:
     if not isinstance(description, Mapping):
         message = f"expected a mapping with {_any_of(SECTIONS)}, got {show(description)}"
         raise ParameterError([("", message)])
+    other = f"; a world has {', '.join(SECTIONS)}"
     problems: WorldProblems = [
-        (str(key), f"unknown entry{hint(key, SECTIONS) or '; a world has ' + ', '.join(SECTIONS)}")
+        (str(key), misspelt("unknown-key", "unknown entry", key, SECTIONS, other))
         for key in description
         if key not in SECTIONS
     ]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import BlockContext, BoolArray, FloatArray, ParameterError, directions
+from blocks.messages import Message
 from blocks.world.curves import LineOrArc, foot
 from blocks.world.level_set import deviation, kinks, level_set, loops, sampled
 from blocks.world.reader import WorldShapes, read_shapes
@@ -299,7 +300,7 @@ def required_world(context: BlockContext) -> World:
     world = world_of(context)
     if world is None:
         message = "needs a world: section in the graph, such as world: {circles: [[2.0, 0.0, 0.5]]}"
-        raise ParameterError([("world", message)])
+        raise ParameterError([("world", Message(message, "missing-world"))])
     return world
 
 

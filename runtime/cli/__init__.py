@@ -24,8 +24,16 @@ from blocks.extensions import BrokenPackageError
 from runtime.cli.commands import VERBS, Verb, groups_of
 from runtime.cli.parser import Parser, examples
 from runtime.cli.problems import report
-from runtime.errors import ROOT, SpikeblocksError, UsageError, one_line, raised_text, text_of
-from runtime.terminal import show, tell
+from runtime.errors import (
+    ROOT,
+    GraphError,
+    SpikeblocksError,
+    UsageError,
+    one_line,
+    raised_text,
+    text_of,
+)
+from runtime.terminal import show, show_json, tell
 
 ABOUT = "Simulate control diagrams written in YAML."
 EXAMPLES = """
@@ -248,6 +256,12 @@ def _done(options: argparse.Namespace) -> int:
     name = str(options.command)
     try:
         return VERBS[name].run(options)
+    except GraphError as error:
+        report(error)
+        if getattr(options, "json", False):
+            problems = [problem.plain() for problem in error.problems]
+            show_json({"schema_version": 1, "problems": problems})
+        return error.exit_code
     except (SpikeblocksError, OSError, RecursionError):
         raise
     except Exception as error:

@@ -62,7 +62,6 @@ from runtime.document.sections import (
     RUN_KEYS,
     SECTIONS,
     check_keys,
-    closest,
     expected_form,
     in_order,
     is_part,

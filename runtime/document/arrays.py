@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
 
-from blocks.core import FloatArray, StoredArray, hint
+from blocks.core import FloatArray, StoredArray, misspelt
 from blocks.files import DAMAGED, UnfitError, archive, opened, read_array, resolved
 from blocks.limits import size
+from blocks.messages import Message, message_of
 from runtime.document.limits import MAX_ARRAY_BYTES, Work
 from runtime.document.node import Node
 from runtime.errors import Problems
@@ -62,7 +63,7 @@ def array_values(node: Node, address: str, problems: Problems, work: Work) -> No
     try:
         array = _read(resolved(folder / match[1]), match[2], match[1], work)
     except ValueError as error:
-        problems.add(node.where, address, str(error))
+        problems.add(node.where, address, message_of(error))
         problems.silence(node.where, address)
         return node
     work.array(array, node.where, address)
@@ -84,15 +85,17 @@ def _read(path: Path, name: str, written: str, work: Work) -> StoredArray:
             with opened(path) as file, archive(file, MAX_ARRAY_BYTES) as members:
                 names = [each.removesuffix(".npy") for each in members.namelist()]
                 if name not in names:
-                    known = hint(name, names) or f"; it has {', '.join(names[:20]) or 'none'}"
-                    raise _MissingError(f"'{written}' has no array '{name}'{known}")
+                    text, other = f"'{written}' has no array '{name}'", ", ".join(names[:20])
+                    other = f"; it has {other or 'none'}"
+                    raise _MissingError(misspelt("unknown-name", text, name, names, other))
                 values = read_array(members, f"{name}.npy", work.room)
             array = _READ[key] = StoredArray(values, f"{path}#{name}")
     except FileNotFoundError:
         message = "paths are relative to the file that names them"
-        raise ValueError(f"there is no file '{written}'; {message}") from None
+        text = f"there is no file '{written}'; {message}"
+        raise ValueError(Message(text, "missing-file")) from None
     except _MissingError as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(message_of(error)) from None
     except UnfitError as unfit:
         reason = str(unfit)
         if "limit" in reason and work.room < MAX_ARRAY_BYTES:

@@ -12,7 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from blocks.core import hint
+from blocks.core import hint, misspelt
+from blocks.messages import suggestion
 from runtime.document.arrays import array_values
 from runtime.document.limits import Work
 from runtime.document.node import Node, from_python
@@ -72,11 +73,11 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
         raise GraphError([Problem(where, "", f"a path of more than {MAX_DEPTH} names")])
     blocks = names_in(document)
     if names[0] not in SECTIONS and names[0] not in blocks:
-        suggestion = _elsewhere(document, names[0]) or hint(names[0], [*SECTIONS, *blocks])
-        suggestion = suggestion or f"; expected {', '.join(SECTIONS)}"
-        raise GraphError(
-            [Problem(where, path, f"there is no '{names[0]}' in the graph{suggestion}")]
-        )
+        text, other = f"there is no '{names[0]}' in the graph", f"; expected {', '.join(SECTIONS)}"
+        elsewhere = _elsewhere(document, names[0])
+        known = () if elsewhere else (*SECTIONS, *blocks)
+        message = misspelt("unknown-name", text, names[0], known, elsewhere or other)
+        raise GraphError([Problem(where, path, message)])
     if names in (["blocks"], ["wires"]):
         raise GraphError([Problem(where, path, f"name an entry, as in {names[0]}.NAME.KEY")])
     # lqr=PID would put a word where a block's mapping is; what is meant is another type.
@@ -103,7 +104,7 @@ def _elsewhere(document: Node, name: str) -> str:
         places.append(f"inputs.{name}.default")
     if blocks is not None:
         places += [f"{block}.{name}" for block, entry in blocks.items() if entry.get(name)]
-    return f", did you mean {' or '.join(map(repr, places[:3]))}?" if places else ""
+    return suggestion(places[:3])
 
 
 def full_path(document: Node, path: str) -> str:
@@ -154,8 +155,9 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
             raise GraphError([Problem(where, path, message)])
         if name not in OPEN_SECTIONS and path.split(".")[0] not in OPEN_SECTIONS:
             known = [key for key, _ in node.items()]
-            suggestion = hint(name, known) or f"; there are {', '.join(known) or 'none'}"
-            raise GraphError([Problem(where, path, f"there is no '{name}'{suggestion}")])
+            other = f"; there are {', '.join(known) or 'none'}"
+            message = misspelt("unknown-name", f"there is no '{name}'", name, known, other)
+            raise GraphError([Problem(where, path, message)])
         # params.new=1 in a graph without params.
         below = Node({}, where, where)
     return node.with_item(name, _set(below, rest, value, path, where))
@@ -237,9 +239,9 @@ def add_wire(document: Node, source: str, target: str, is_variadic: bool) -> Nod
     """
     block, _, port = target.partition(".")
     if block not in names_in(document):
-        suggestion = hint(block, names_in(document))
+        near = hint(block, names_in(document))
         raise UsageError(
-            f"there is no block '{block}' to connect '{source}' to{suggestion or ';'} "
+            f"there is no block '{block}' to connect '{source}' to{near or ';'} "
             "a graph never changes: keep what add() returns, as in graph = graph.add(...)"
         )
     old = ((document.get("wires") or Node({})).get(block) or Node({})).get(port)

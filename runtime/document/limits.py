@@ -128,4 +128,4 @@ class Work:
         return MAX_ARRAY_BYTES - sum(self.arrays.values())
 
     def stop(self, where: Where, address: str, text: str) -> NoReturn:
-        raise GraphError([*self.problems.items, Problem(where, address[:200], text)])
+        raise GraphError([*self.problems.items, Problem(where, address[:200], text, "too-large")])

@@ -15,14 +15,15 @@ from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
-from blocks.core import hint
+from blocks.core import misspelt, similar
 from blocks.files import read, resolved
 from blocks.limits import GRAPH_FILE
+from blocks.messages import Replace, suggestion
 from runtime.document.arrays import with_arrays
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, Value, from_python, parse_yaml
 from runtime.document.parse_errors import position
-from runtime.document.sections import FILE_KEYS, FILE_SECTIONS, closest
+from runtime.document.sections import FILE_KEYS, FILE_SECTIONS
 from runtime.errors import NOWHERE, GraphError, Location, Problem, Problems
 
 SHIPPED = Path(__file__).resolve().parents[2] / "graphs"
@@ -162,14 +163,14 @@ def _similar(path: Path, near: list[str], shipped: list[str]) -> list[str]:
     Compared are names without folders and suffixes, which would make any two files look alike.
     """
     paths_by_stem = {Path(name).stem: str(path.parent / name) for name in near}
-    if close := closest(path.stem, paths_by_stem):
+    if close := similar(path.stem, paths_by_stem):
         return [paths_by_stem[close]]
     stems = {name: Path(name).stem for name in shipped}
     begin = [name for name, stem in stems.items() if path.stem and stem.startswith(path.stem)]
     exact = [name for name in begin if stems[name] == path.stem]
     if 0 < len(exact or begin) <= MOST_SIMILAR:
         return exact or begin
-    close = closest(path.stem, stems.values())
+    close = similar(path.stem, stems.values())
     return [name for name, stem in stems.items() if stem == close][:MOST_SIMILAR]
 
 
@@ -196,7 +197,8 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
         near = [file.name for file in (folder / path).parent.glob(f"*{SUFFIX}")]
         beside = _shipped_beside(path)
     except OSError as error:
-        raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
+        message = f"'{name[:60]}': {error.strerror}"
+        raise GraphError([Problem(*at, message, "missing-file")]) from None
     worlds = sorted(str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}"))
     shipped_names = shipped_graphs() if noun == "graph" else worlds
     everywhere = _names(SHIPPED.rglob(f"*{SUFFIX}")) if noun == "graph" else worlds
@@ -204,13 +206,13 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
     near = [file for file in near if file != Path(at[0].file).name]
     candidates = [str(path / n) for n in inside]
     candidates = candidates or _similar(path, near, beside or everywhere)
-    suggestion = f"; shipped {noun}s: {', '.join(shipped_names)}"
+    known = f"; shipped {noun}s: {', '.join(shipped_names)}"
     if beside:
-        suggestion = f"; shipped {path.parent.as_posix()}: {', '.join(beside)}"
-    if candidates:
-        suggestion = f", did you mean {' or '.join(map(repr, candidates))}?"
-    message = "is a folder" if is_folder else f"no such {noun}"
-    raise GraphError([Problem(*at, f"'{name}': {message}{suggestion}")])
+        known = f"; shipped {path.parent.as_posix()}: {', '.join(beside)}"
+    message = f"'{name}': " + ("is a folder" if is_folder else f"no such {noun}")
+    fixes = tuple(Replace(each) for each in candidates)
+    message += suggestion(candidates) or known
+    raise GraphError([Problem(*at, message, "missing-file", fixes)])
 
 
 def read_file(path: Path, at: Location) -> bytes:
@@ -226,7 +228,7 @@ def read_file(path: Path, at: Location) -> bytes:
         return read(path, GRAPH_FILE)
     except OSError as error:
         message = f"cannot read '{path}': {error.strerror}"
-        raise GraphError([Problem(*at, message)]) from None
+        raise GraphError([Problem(*at, message, "missing-file")]) from None
 
 
 def decode(data: bytes, path: Path) -> str:
@@ -420,8 +422,8 @@ class _Loader:
         for name, node in arguments.items() if arguments is not None else ():
             if params is None or params.get(name) is None:
                 names = [] if params is None else [key for key, _ in params.items()]
-                suggestion = hint(name, names) or f"; it has {', '.join(names) or 'none'}"
-                message = f"the part has no param '{name}'{suggestion}"
+                text, other = f"the part has no param '{name}'", ", ".join(names) or "none"
+                message = misspelt("unknown-param", text, name, names, f"; it has {other}")
                 self.problems.add(node.key, f"{address}.params.{name}", message)
         below = below.with_item("graph", None)
         rest = self.parts(entry.with_item("graph", None), f"{address}.blocks", above)

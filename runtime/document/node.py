@@ -23,6 +23,7 @@ import yaml
 
 from blocks.core import StoredArray, plain, show
 from blocks.limits import GRAPH_VALUES
+from blocks.messages import Message, Replace
 from runtime.document.parse_errors import MAX_DEPTH, explain
 from runtime.document.scalars import in_range, parse_scalar
 from runtime.document.writer import dump_yaml as dump_yaml
@@ -288,8 +289,9 @@ class _Reader:
             # {gain:2} is a key 'gain:2' without a value for YAML.
             elif _MISSING_SPACE.fullmatch(name) and getattr(following, "value", None) == "":
                 before, _, after = name.partition(":")
-                message = f"a space is missing after the colon: {before}: {after}"
-                self.note(event, address, message)
+                text = f"a space is missing after the colon: {before}: {after}"
+                fix = Replace(f"{before}: ", f"{before}:", "Insert the space")
+                self.note(event, address, Message(text, "invalid-yaml", [fix]))
             # The first of two equal keys stays: the second is the reported one.
             entries.setdefault(name, value)
         return entries

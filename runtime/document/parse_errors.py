@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from blocks.limits import GRAPH_DEPTH
+from blocks.messages import Message, Replace, as_message
 from runtime.errors import Problem, Where
 
 # Of lists and mappings within each other: far below Python's limit of recursion, which every walk
@@ -55,7 +56,7 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
     # The reader fails before there are tokens, so the exception has no mark.
     if illegal and problem is None:
         message = f"character U+{ord(illegal[0]):04X} is not allowed; remove it"
-        return Problem(position(text, illegal.start(), file), "", message)
+        return Problem(position(text, illegal.start(), file), "", message, "invalid-yaml")
     mark = problem or context
     # From the most specific: libyaml says "did not find expected ','" for an unquoted ': ', for
     # brackets in an address and for a missing brace alike, and only the text tells which.
@@ -80,9 +81,10 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
         mark = context
     elif "maximum nesting depth" in message:
         # libyaml 0.2.6 scans so far ahead that its own limit comes before ours.
-        return Problem(_where(text, mark, file), "", f"nested more than {MAX_DEPTH} deep")
-    message = _SUGGESTIONS.get(message, message)
-    return Problem(_where(text, mark, file), "", f"not valid YAML: {message}")
+        message = f"nested more than {MAX_DEPTH} deep"
+        return Problem(_where(text, mark, file), "", message, "too-large")
+    message = as_message(_SUGGESTIONS.get(message, message)).within("not valid YAML: ")
+    return Problem(_where(text, mark, file), "", message, "invalid-yaml")
 
 
 def _character(text: str, mark: Any) -> str:
@@ -123,8 +125,12 @@ def _colon_advice(text: str, mark: Any, message: str) -> str:
     if not (colon and start.strip()) or set("\"'[]{}") & set(value) or len(value) > 80:
         return ""
     name = re.split(r"[{,\s]", key)[-1]
-    advice = f"a string that contains ': ' needs quotes: {name}: \"{value}\""
-    return f"expected ',' or '}}'; {advice}" if "','" in message else advice
+    quoted = f'{name}: "{value}"'
+    advice = f"a string that contains ': ' needs quotes: {quoted}"
+    if "','" in message:
+        advice = f"expected ',' or '}}'; {advice}"
+    fix = Replace(quoted, f"{name}: {value}", "Put quotes around it")
+    return Message(advice, "invalid-yaml", [fix])
 
 
 def _bracket_advice(text: str, mark: Any, message: str) -> str:
@@ -135,7 +141,9 @@ def _bracket_advice(text: str, mark: Any, message: str) -> str:
         match = _SLICED.search(line, match.end())
     if match is None or "','" not in message:
         return ""
-    return f'inside of braces, a string with brackets needs quotes: "{match[0]}"'
+    advice = f'inside of braces, a string with brackets needs quotes: "{match[0]}"'
+    fix = Replace(f'"{match[0]}"', match[0], "Put quotes around it")
+    return Message(advice, "invalid-yaml", [fix])
 
 
 def _stray(text: str, line: int, column: int) -> str:

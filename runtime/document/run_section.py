@@ -14,7 +14,7 @@ import re
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from blocks.core import hint
+from blocks.core import misspelt
 from runtime.document.node import Node
 from runtime.document.scalars import parse_scalar
 from runtime.document.sections import RUN_KEYS, RUN_OTHER_NAMES, check_keys, section
@@ -177,9 +177,10 @@ def _choice(
     node = run.get(key)
     value = default if node is None else node.value
     if node is not None and value not in choices:
-        suggestion = hint(str(value), choices) or f"; expected {', '.join(choices)}"
         shown_value = repr(value) if isinstance(value, str) else node.describe()
-        problems.add(node.where, f"run.{key}", f"there is no {key} {shown_value}{suggestion}")
+        text, other = f"there is no {key} {shown_value}", f"; expected {', '.join(choices)}"
+        message = misspelt("invalid-value", text, value, choices, other)
+        problems.add(node.where, f"run.{key}", message)
         return default
     return str(value)
 

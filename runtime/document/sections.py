@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from blocks.core import hint, similar
+from blocks.core import misspelt, similar
 from runtime.document.node import Node
 from runtime.errors import Problems
 
@@ -157,9 +157,10 @@ def check_keys(
     """Report unknown entries of a mapping; ``also`` has other tools' names of known ones."""
     for name, item in node.items():
         if name not in known:
-            suggestion = hint(name, known, also) or f"; expected {', '.join(known)}"
+            other = f"; expected {', '.join(known)}"
             place = f"{address}.{name or repr(name)}".lstrip(".")
-            problems.add(item.key, place, f"unknown {noun}{suggestion}", True)
+            message = misspelt("unknown-key", f"unknown {noun}", name, known, other, also)
+            problems.add(item.key, place, message)
 
 
 def section(
@@ -194,16 +195,11 @@ def strings(
     return pairs
 
 
-def closest(name: str, known: Iterable[str]) -> str:
-    """The known name most similar to a misspelt one; '' if none is similar."""
-    return similar(name, known)
-
-
 def misspelt_keys(node: Node, known: Iterable[str]) -> set[str]:
     """Known keys that are missing because they are misspelt."""
     names = {name for name, _ in node.items()}
     # 'block:' is reported as unknown; without this, 'blocks' would be reported as missing as well.
-    return {closest(name, known) for name in names.difference(known)} - names
+    return {similar(name, known) for name in names.difference(known)} - names
 
 
 def name_problem(name: str, is_probe: bool) -> str:

@@ -13,10 +13,11 @@ with ``repeat``, ``$index`` is the number of the copy: ``params: {angle: 2*pi*$i
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from blocks.core import ExpressionError, expression_function, hint
+from blocks.core import ExpressionError, expression_function, misspelt, similar
+from blocks.messages import Message, RemoveEntry
 from runtime.document.limits import Work
 from runtime.document.node import Node
 from runtime.document.sections import SECTIONS, expected_form, is_part, misspelt_keys
@@ -69,11 +70,20 @@ def fill_sections(
     for name, node in (params or {}).items():
         # An unused 'gain' and an unknown '$gian' are one mistake, reported at the name; and what a
         # part lacks is reported there.
-        is_part_of_error = hint(name, filler.missing) or filler.lacking or name in filler.not_passed
+        is_part_of_error = (
+            similar(name, filler.missing) or filler.lacking or name in filler.not_passed
+        )
         if name not in filler.used and not is_part_of_error:
-            suggestion = hint(name, filler.used) or "; remove it, or write it as a value"
-            problems.add(node.key, f"{prefix}params.{name}", f"${name} is not used{suggestion}")
+            problems.add(node.key, f"{prefix}params.{name}", _unused(name, filler.used))
     return document
+
+
+def _unused(name: str, used: Iterable[str]) -> Message:
+    """The message about a param that nothing uses."""
+    message = misspelt("unused-param", f"${name} is not used", name, used)
+    removal = RemoveEntry(f"Remove '{name}'")
+    after = "" if message.fixes else "; remove it, or write it as a value"
+    return Message(message + after, message.kind, (*message.fixes, removal))
 
 
 def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, list[str]]:
@@ -319,7 +329,7 @@ class _Filler:
             return Node(param.value, param.where, node.key)
         if param is not None:
             self.used.add(name)
-            self.problems.add(param.key, address, f"param '{name}' has no value")
+            self.problems.add(param.key, address, f"param '{name}' has no value", "null-value")
         elif self.params is not None:
             self.report(name, node, address)
         return node
@@ -327,12 +337,14 @@ class _Filler:
     def report(self, name: str, node: Node, address: str) -> None:
         """Report a param that does not exist: each slip of the pen, but what is only not declared
         once, however often it is used."""
-        near = hint(name, self.params or ())
+        near = similar(name, self.params or ())
         if name in self.outer and not near:
             self.lacking[name] = None
         elif near or name not in self.missing:
-            known = near or f"; params: {', '.join(self.params or ()) or 'none'}"
-            self.problems.add(node.where, address, f"there is no param '{name}'{known}")
+            text = f"there is no param '{name}'"
+            other = f"; params: {', '.join(self.params or ()) or 'none'}"
+            message = misspelt("unknown-param", text, name, self.params or (), other)
+            self.problems.add(node.where, address, message)
         self.missing.add(name)
 
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from blocks.messages import Fix, InsertBlock
 from runtime.errors import Problem, Where
 from runtime.language.items import YamlItem, deepest
 from runtime.language.model import Model
 from runtime.language.text import Span
 
 Severity = Literal["error", "warning", "information"]
-_ADDRESSED = re.compile(r"([\w.\[\]-]+): (.*)", re.DOTALL)
 _WORD = re.compile(r"[^\s,\[\]{}]+")
 
 
@@ -35,15 +35,16 @@ class Related:
 class Diagnostic:
     """Something wrong or noteworthy in a file.
 
-    ``address`` is the entry's in the graph; ``is_name`` marks a name that does not exist.
+    ``address`` is the entry's in the graph; ``kind`` and ``fixes`` are those of the message.
     """
 
     span: Span
     severity: Severity
     message: str
     address: str = ""
-    is_name: bool = False
     related: tuple[Related, ...] = ()
+    kind: str = ""
+    fixes: tuple[Fix, ...] = ()
 
 
 def diagnose(model: Model) -> list[Diagnostic]:
@@ -61,8 +62,8 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
         span = _span_of_file_name(model, problem)
         related = (Related(where, text),)
         text = f"{Where(Path(where.file).name, where.line, where.column)}: {text}"
-    elif text.startswith("algebraic loop: "):
-        span, related = _loop(model, text)
+    elif problem.kind == "algebraic-loop":
+        span, related = _loop(model, problem)
     elif not where.line:
         span = _first_line(model)
     else:
@@ -70,7 +71,9 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
     # A file that is too large to be checked may be right.
     severity: Severity = "warning" if model.refusal else "error"
     severity = "information" if problem.is_pending else severity
-    return Diagnostic(span, severity, text, problem.address, problem.is_name, related)
+    # What another file's text has to be is not written here.
+    fixes = () if where.file and Path(where.file) != model.path else problem.fixes
+    return Diagnostic(span, severity, text, problem.address, related, problem.kind, fixes)
 
 
 def span_at(model: Model, offset: int) -> Span:
@@ -130,11 +133,11 @@ def _span_of_file_name(model: Model, problem: Problem) -> Span:
     return _first_line(model)
 
 
-def _loop(model: Model, text: str) -> tuple[Span, tuple[Related, ...]]:
+def _loop(model: Model, problem: Problem) -> tuple[Span, tuple[Related, ...]]:
     """The first wire of an algebraic loop that this text has, and the others."""
-    names = text.split(";")[0].removeprefix("algebraic loop: ").split(" ▸ ")
     wires = {wire.target: wire for wire in (model.network.wires if model.network else ())}
-    places = [wires[name].where for name in names[1::2] if name in wires]
+    targets = [fix.target for fix in problem.fixes if isinstance(fix, InsertBlock)]
+    places = [wires[name].where for name in targets if name in wires]
     own = [where for where in places if where.file == model.file and where.line]
     others = tuple(Related(where, "a wire of the loop") for where in places if where not in own[:1])
     # A loop has no place of its own: its first wire in this file is underlined, the others are
@@ -151,16 +154,25 @@ def _notes(model: Model) -> list[Diagnostic]:
         diagnostics.append(Diagnostic(_first_line(model), "information", str(missing)))
     notes = model.observation.notes if model.observation is not None else []
     for note in dict.fromkeys(notes):
-        match = _ADDRESSED.fullmatch(note)
-        item = item_at_address(model, match[1]) if match else None
-        if match is None or item is None:
-            name_match = re.search(r"'([\w.]+)'", note)
-            span = _mention(model, name_match[1]) if name_match else _first_line(model)
-            diagnostics.append(Diagnostic(span, "information", note))
+        item = item_at_address(model, note.address) if note.address else None
+        severity: Severity = "information" if item is None else "warning"
+        text, address = (str(note), "") if item is None else (note.text, note.address)
+        if item is None and note.name:
+            span = _mention(model, note.name)
+        elif item is None:
+            span = _block(model, note.block)
         else:
             span = item.span if item.kind == "scalar" or item.flow else item.key_span
-            diagnostics.append(Diagnostic(span, "warning", match[2], match[1]))
+        diagnostics.append(Diagnostic(span, severity, text, address, (), note.kind, note.fixes))
     return diagnostics
+
+
+def _block(model: Model, name: str) -> Span:
+    """Where the file writes a block, or the part that it is in."""
+    item = item_at_address(model, f"blocks.{name.replace('.', '.blocks.')}") if name else None
+    return (
+        item.key_span if item is not None and item.parent is not model.root else _first_line(model)
+    )
 
 
 def _mention(model: Model, name: str) -> Span:

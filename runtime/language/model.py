@@ -17,6 +17,7 @@ import gc
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -52,6 +53,19 @@ PORTS = ("inputs", "outputs")
 OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
 _TOP = re.compile(r"^[{ ]?([A-Za-z_]\w*)\s*:", re.MULTILINE)
 _OUTSIDE = "_outside_"
+# What may be right once the graph is there that an overlay changes.
+OF_BASE = {
+    "unknown-block",
+    "unknown-param",
+    "unused-param",
+    "open-input",
+    "open-type",
+    "missing-type",
+    "missing-value",
+    "missing-world",
+    "null-value",
+    "no-blocks",
+}
 
 
 class _Outside(Block):
@@ -329,15 +343,15 @@ class Model:
         problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
         if self.kind == "part":
             # A block may fail for want of what only the graph around a part gives.
-            problems = [p for p in problems if p.where.line and " failed: " not in p.text]
+            problems = [p for p in problems if p.where.line and p.kind != "block-failed"]
         if self.kind == "overlay":
-            problems = [p for p in problems if not (_needs_base(p) or self._is_deletion(p))]
+            problems = [p for p in problems if not (p.kind in OF_BASE or self._is_deletion(p))]
         return sorted(set(problems))
 
     def _is_deletion(self, problem: Problem) -> bool:
         """Whether a problem is about a null, which deletes what the graph below may have."""
         if problem.where.file not in ("", self.file):
-            return " has no input '" in problem.text  # a null there is known to that file alone
+            return problem.kind == "unknown-input"  # a null there is known to that file alone
         item = deepest(self.root, self.text.at(problem.where))
         return item.kind == "empty" or (item.kind == "scalar" and item.value in ("null", "~"))
 
@@ -348,19 +362,7 @@ class Model:
         prefix = f"blocks.{self._part}"
         address = problem.address.removeprefix(prefix).removeprefix(".")
         text = problem.text.replace(f"'{self._part}.", "'")
-        return Problem(problem.where, address, text, problem.is_name)
-
-
-def _needs_base(problem: Problem) -> bool:
-    """Whether a problem of an overlay is only that the graph below it is not there."""
-    phrases = (
-        *("there is no block", "is not connected", "expected a type", "there are no blocks"),
-        *("there is no param", "is not used", "is open;", "nothing (null)", "has no value"),
-        *("missing; expected", "needs a world", "null only deletes"),
-    )
-    # By the wording, as in ``actions``: which of the checks' messages depend on the graph below is
-    # a matter of overlays alone, and is not worth a field in every problem.
-    return any(phrase in problem.text for phrase in phrases)
+        return replace(problem, address=address, text=text)
 
 
 # Completion needs the types of a graph that does not parse. So what was scanned goes to the

@@ -12,7 +12,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from blocks.core import hint
+from blocks.core import misspelt
+from blocks.messages import Message, message_of
 from runtime.document import Node
 from runtime.errors import Location
 from runtime.network.scope import Scope, output_address
@@ -57,6 +58,11 @@ class AddressError(ValueError):
 
     location: Location | None = None
 
+    @property
+    def message(self) -> Message:
+        """What is wrong with it."""
+        return message_of(self)
+
 
 class ReportedError(AddressError):
     """An address of something that is wrong, which is reported elsewhere."""
@@ -84,7 +90,7 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     names = _split(text)
     if "" in names or depth > MAX_HOPS:
         message = "leads through parts in a circle" if depth else "is not an address"
-        raise AddressError(f"'{text}' {message}; expected block.output")
+        raise AddressError(Message(f"'{text}' {message}; expected block.output", "unknown-block"))
     start = scope
     while len(names) > 1 and names[0] in scope.parts:
         scope = scope.parts[names.pop(0)]
@@ -123,9 +129,8 @@ def _split(text: str) -> list[str]:
         return text.split(".")
     inner = match[2].replace(" ", "")
     if not _INDEX.fullmatch(inner):
-        raise AddressError(
-            f"'{text}': expected a number or a range in brackets, as in [1] or [0:2]"
-        )
+        message = f"'{text}': expected a number or a range in brackets, as in [1] or [0:2]"
+        raise AddressError(Message(message, "unknown-output"))
     return [*match[1].split("."), inner]
 
 
@@ -133,7 +138,8 @@ def _component(target: ResolvedAddress, rest: list[str], text: str) -> ResolvedA
     if not rest:
         return target
     if len(rest) > 1 or (target.end.component and not is_range(target.end.component)):
-        raise AddressError(f"'{text}' has too many parts; expected block.output.component")
+        message = f"'{text}' has too many parts; expected block.output.component"
+        raise AddressError(Message(message, "unknown-output"))
     return replace(target, end=replace(target.end, component=within(target.end.component, rest[0])))
 
 
@@ -195,9 +201,10 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
         raise ReportedError
     if not rest or rest[0] not in scope.inputs:
         known = ", ".join(scope.inputs) or "none"
-        suggestion = (hint(rest[0], scope.inputs) if rest else "") or f"; its inputs: {known}"
         owner = "graph" if scope.parent is None else "part"
-        raise AddressError(f"'{text}' is not an input of this {owner}{suggestion}")
+        message, name = f"'{text}' is not an input of this {owner}", rest[0] if rest else ""
+        other = f"; its inputs: {known}"
+        raise AddressError(misspelt("unknown-input", message, name, scope.inputs, other))
     if own := scope.own_value(rest[0]):
         # Its block's output and its state may be named as those of other blocks are.
         port = rest.pop(1) if rest[1:] and rest[1] in ("out", "value") else "out"
@@ -215,21 +222,24 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
     return _component(replace(target, via=(scope.prefix + rest[0], *target.via)), rest[1:], text)
 
 
-def _missing(start: Scope, scope: Scope, head: str) -> str:
+def _missing(start: Scope, scope: Scope, head: str) -> Message:
     """What is wrong with a name in ``scope`` that an address written in ``start`` refers to."""
     if scope is not start:
         known = [*scope.outputs, *scope.names()]
-        suggestion = hint(head, known) or f"; its outputs: {', '.join(scope.outputs) or 'none'}"
-        return f"part '{scope.prefix.rstrip('.')}' has no output '{head}'{suggestion}"
+        text = f"part '{scope.prefix.rstrip('.')}' has no output '{head}'"
+        other = f"; its outputs: {', '.join(scope.outputs) or 'none'}"
+        return misspelt("unknown-output", text, head, known, other)
     if head in scope.parts:
         outputs = ", ".join(f"{head}.{name}" for name in scope.parts[head].outputs) or "none"
-        return f"'{head}' is a part; expected one of its outputs: {outputs}"
+        text = f"'{head}' is a part; expected one of its outputs: {outputs}"
+        return Message(text, "unknown-output")
     inputs = {name: f"inputs.{name}" for name in scope.inputs}
     known = [*scope.names(), *scope.broken, *inputs.values()]
-    suggestion = hint(head, [*known, *scope.outputs] if scope.parent is None else known, inputs)
-    if scope.parent is not None:
-        listed = ", ".join(inputs.values()) or "none"
-        suggestion = suggestion or f"; inputs of the part: {listed}"
-        return f"there is no block '{head}' in part '{scope.prefix.rstrip('.')}'{suggestion}"
-    suggestion = suggestion or f"; if it was deleted, restore it and write 'without: [{head}]'"
-    return f"there is no block '{head}'{suggestion}"
+    text = f"there is no block '{head}'"
+    if scope.parent is None:
+        known += scope.outputs
+        other = f"; if it was deleted, restore it and write 'without: [{head}]'"
+    else:
+        text += f" in part '{scope.prefix.rstrip('.')}'"
+        other = f"; inputs of the part: {', '.join(inputs.values()) or 'none'}"
+    return misspelt("unknown-block", text, head, known, other, inputs)

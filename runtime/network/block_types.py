@@ -18,11 +18,13 @@ from blocks.core import (
     DeclarationError,
     SignalType,
     Variant,
-    hint,
+    misspelt,
+    similar,
 )
 from blocks.extensions import BrokenPackageError
 from blocks.files import opened
 from blocks.limits import MODULE
+from blocks.messages import Message
 from blocks.registry import (
     BLOCKS,
     BUILTIN,
@@ -32,7 +34,7 @@ from blocks.registry import (
     objects_of_module,
     variants_of_module,
 )
-from runtime.document import Node, closest
+from runtime.document import Node
 from runtime.errors import Problems, UsageError, raised_at, raised_text
 from runtime.network.other_names import ours_for
 
@@ -78,15 +80,14 @@ def block_class(
     if found is not None:
         return found
     if module is None:
-        known = [*classes, *BLOCKS.names()]
-        suggestion = ours_for(type_node.value) or hint(type_node.value, known)
+        ours = ours_for(type_node.value)
+        known = [] if ours else [*classes, *BLOCKS.names()]
+        other = ours or "; see 'runtime blocks'; your own block needs 'module: file.py'"
     else:
-        defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
-        suggestion = hint(type_node.value, own) or defined
-    suggestion = suggestion or "; see 'runtime blocks'; your own block needs 'module: file.py'"
-    problems.add(
-        type_node.where, f"{address}.type", f"no block type '{type_node.value}'{suggestion}"
-    )
+        known, other = [*own], f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
+    text = f"no block type '{type_node.value}'"
+    message = misspelt("unknown-type", text, type_node.value, known, other)
+    problems.add(type_node.where, f"{address}.type", message)
     return None
 
 
@@ -94,11 +95,13 @@ def _report_no_type(node: Node, address: str, problems: Problems) -> None:
     type_node = node.get("type")
     got = "" if type_node is None else f", got {type_node.describe()}"
     where = node.key if type_node is None else type_node.where
-    message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
-    near = closest("type", [key for key, _ in node.items()])
-    misspelt = node.get(near)
-    if type_node is None and misspelt is not None:
-        where, message = misspelt.key, f"unknown key '{near}', did you mean 'type'?"
+    text = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
+    message = Message(text, "missing-type")
+    near = similar("type", [key for key, _ in node.items()])
+    misspelt_node = node.get(near)
+    if type_node is None and misspelt_node is not None:
+        where = misspelt_node.key
+        message = misspelt("unknown-key", f"unknown key '{near}'", near, ["type"])
     problems.add(where, address, message)
 
 
@@ -152,10 +155,9 @@ def _named_of_file(
     if isinstance(name, str) and name in own:
         return own[name]
     definitions = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
-    got = (
-        "nothing" if name_node is None else name_node.describe() + (hint(name, own) or definitions)
-    )
-    message = f"expected {expectation} of that file, got {got}{definitions * (name_node is None)}"
+    got = "nothing" if name_node is None else name_node.describe()
+    text, known = f"expected {expectation} of that file, got {got}", () if name is None else own
+    message = misspelt("unknown-type", text, name, known, definitions)
     problems.add(node.where if name_node is None else name_node.where, f"{address}.{key}", message)
     return None
 

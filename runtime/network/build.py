@@ -22,13 +22,16 @@ from blocks.core import (
     ParameterError,
     SignalType,
     Variant,
-    hint,
     maybe_degrees,
+    misspelt,
     signal_type,
+    similar,
+    unknown_parameter,
 )
+from blocks.messages import Message, Note, Replace
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
-from runtime.document import Node, closest, read_run, read_seed, section
+from runtime.document import Node, read_run, read_seed, section
 from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.contexts import check_contexts, failure_text
@@ -138,13 +141,14 @@ def _check(
     return network, extra
 
 
-def _unused_solver(network: Network) -> list[str]:
+def _unused_solver(network: Network) -> list[Note]:
     """A note if the graph sets a solver that has nothing to integrate."""
     run = network.document.get("run")
     keys = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
     if not keys or network.is_continuous:
         return []
-    return [f"run.{keys[0]}: not used, since no block has continuous states to integrate"]
+    text = "not used, since no block has continuous states to integrate"
+    return [Note(text, "not-used", f"run.{keys[0]}")]
 
 
 def _world(document: Node, problems: Problems) -> World | None:
@@ -200,6 +204,10 @@ class _Definition:
     def address(self) -> str:
         return self.scope.path_of(self.name)
 
+    @property
+    def full_name(self) -> str:
+        return self.scope.prefix + self.name
+
 
 def _construct_blocks(
     network: Network,
@@ -217,7 +225,7 @@ def _construct_blocks(
     for definition in definitions:
         block, block_notes = _construct(definition, own, problems, block_cache, modules)
         scope, node, name = definition.scope, definition.node, definition.name
-        full = scope.prefix + name
+        full = definition.full_name
         if isinstance(block, GraphInput) and "T" in block.variables:
             part_inputs[scope.prefix + name.removeprefix(INPUTS)] = block.variables["T"]
         if definition.cls is GraphInput and not scope.own_value(name.removeprefix(INPUTS)):
@@ -303,7 +311,7 @@ def _construct(
     problems: Problems,
     block_cache: BlockCache | None = None,
     modules: Modules = True,
-) -> tuple[Block | None, list[str]]:
+) -> tuple[Block | None, list[Note]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
     params = cls.spec.params
@@ -311,8 +319,7 @@ def _construct(
     values = {key: item for key, item in node.items() if key in params or key not in common}
     unknown = [key for key in values if key not in params]
     for key in unknown:
-        message = f"unknown parameter{_instead_of(key, values, cls)}"
-        problems.add(values[key].key, f"{address}.{key}", message, True)
+        problems.add(values[key].key, f"{address}.{key}", _unknown_parameter(key, values, cls))
     try:
         parameters = _parameter_values(
             {k: item for k, item in values.items() if k in params}, cls, own
@@ -322,23 +329,31 @@ def _construct(
         block = _cached_block(cls, parameters, block_cache)
         # A user's methods, called here so that what they raise is reported with the block.
         dict(block.variables), dict(block.sizes())
-        return block, _large_angles(cls, address, values)
+        return block, _large_angles(definition, values)
     except ParameterError as error:
         # A required parameter that is missing because its key is misspelt is one mistake.
-        misspelt = {closest(key, params) for key in unknown}
+        misspelt_names = {similar(key, params) for key in unknown}
         for parameter, text in error.problems:
-            if parameter in values or parameter not in misspelt:
+            if parameter in values or parameter not in misspelt_names:
                 where = place_of(node, parameter)
                 # An input may be written as its type alone: 'push: Scalar'.
                 short = cls is GraphInput and parameter == "type"
                 problems.add(where, address if short else f"{address}.{parameter}", text)
     except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
-        problems.add(node.key, address, failure_text(cls, error))
+        problems.add(node.key, address, failure_text(cls, error), "block-failed")
     return None, []
 
 
+def _unknown_parameter(key: str, values: Mapping[str, Node], cls: type[Block]) -> Message:
+    """The message about a parameter that a block does not have."""
+    instead = _instead_of(key, values, cls)
+    if instead:
+        return Message(f"unknown parameter{instead}", "unknown-parameter")
+    return unknown_parameter(key, cls.spec.params)
+
+
 def _instead_of(key: str, values: Mapping[str, Node], cls: type[Block]) -> str:
-    """What to write instead of a parameter that a block does not have."""
+    """What to write instead of a parameter that another block has, or none; '' if not known."""
     params = cls.spec.params
     base, bracket, rest = key.partition("[")
     if bracket and base in params and rest.removesuffix("]").isdecimal():
@@ -356,7 +371,7 @@ def _instead_of(key: str, values: Mapping[str, Node], cls: type[Block]) -> str:
         return "; wires name their source: wires: {block: {port: inputs.NAME}}"
     if key == "graph":
         return "; parts are read with the file that names them"
-    return hint(key, params) or f"; it has {', '.join(params) or 'none'}"
+    return ""
 
 
 def _cached_block(
@@ -388,8 +403,8 @@ def _parameter_values(
             try:
                 plain[key] = signal_type(value, own=own)
             except ValueError as error:
-                near = hint(value, [*own, *TYPES])
-                raise ParameterError([(key, f"{error}{near}")]) from None
+                text = misspelt("unknown-type", str(error), value, [*own, *TYPES])
+                raise ParameterError([(key, text)]) from None
     return plain
 
 
@@ -415,16 +430,19 @@ def _take_variants(
     return True
 
 
-def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
+def _large_angles(definition: _Definition, values: Mapping[str, Node]) -> list[Note]:
     """Notes about large angles and turn rates, which are often meant as degrees."""
     notes = []
     for name, node in values.items():
-        declared = cls.spec.params.get(name)
+        declared = definition.cls.spec.params.get(name)
         if declared is None or "frequency" in declared.doc:
             continue  # reported with the block; and that of an oscillation is often large
         for number, unit in maybe_degrees(node.plain(), declared.units):
             per = unit.removeprefix("rad")
-            message = f"{number:g} {unit} is {math.degrees(number):.5g} degrees{per}; "
-            message += f"if degrees are intended, write {number:g}deg{per}"
-            notes.append(f"{address}.{name}: {message}")
+            written = f"{number:g}deg{per}"
+            text = f"{number:g} {unit} is {math.degrees(number):.5g} degrees{per}; "
+            text += f"if degrees are intended, write {written}"
+            fix = Replace(written, f"{number:g}", f"Write {written}")
+            address = f"{definition.address}.{name}"
+            notes.append(Note(text, "maybe-degrees", address, definition.full_name, fixes=[fix]))
     return notes

@@ -82,7 +82,8 @@ def check_contexts(network: Network, problems: Problems) -> MissingPackageError 
         except MissingPackageError as error:
             missing = error
         except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
-            problems.add(entry.node.key, entry.address, failure_text(entry.cls, error))
+            text = failure_text(entry.cls, error)
+            problems.add(entry.node.key, entry.address, text, "block-failed")
     return missing
 
 

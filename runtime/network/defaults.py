@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from blocks.core import Block, hint
+from blocks.core import Block, misspelt, unknown_parameter
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.network.scope import Scope
@@ -79,8 +79,9 @@ def _check(scope: Scope, inside: Sequence[type[Block]], problems: Problems) -> N
         if not _is_type(key):
             if not any(_takes(cls, key) for cls in inside):
                 known = {*TIMES, "seed", *(name for cls in inside for name in cls.spec.params)}
-                message = f"no block here has a parameter '{key}'{hint(key, sorted(known))}"
-                problems.add(item.key, address, message)
+                text = f"no block here has a parameter '{key}'"
+                unknown = misspelt("unknown-name", text, key, sorted(known))
+                problems.add(item.key, address, unknown)
             continue
         classes = [cls for cls in inside if cls.__name__ == key]
         if not item.is_map:
@@ -88,9 +89,11 @@ def _check(scope: Scope, inside: Sequence[type[Block]], problems: Problems) -> N
             problems.add(item.where, address, message)
         elif not classes:
             names = sorted({cls.__name__ for cls in inside})
-            problems.add(item.key, address, f"no block here is a {key}{hint(key, names)}")
+            unknown = misspelt("unknown-type", f"no block here is a {key}", key, names)
+            problems.add(item.key, address, unknown)
         else:
             for name, value in item.items():
                 if not _takes(classes[0], name):
-                    near = hint(name, [*classes[0].spec.params, *TIMES, "seed"])
-                    problems.add(value.key, f"{address}.{name}", f"unknown parameter{near}")
+                    known = {*classes[0].spec.params, *TIMES, "seed"}
+                    unknown = unknown_parameter(name, sorted(known))
+                    problems.add(value.key, f"{address}.{name}", unknown)

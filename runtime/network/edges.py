@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from blocks.core import FloatArray
+from blocks.messages import Note
 from runtime.network.network import Network
 
 ON_TICK = 1e-9
@@ -24,7 +25,7 @@ def off_ticks(times: FloatArray, dt: float) -> FloatArray:
     return off
 
 
-def edge_notes(network: Network) -> list[str]:
+def edge_notes(network: Network) -> list[Note]:
     """The sources whose pulses are shorter than a tick, in a graph that sees ticks alone."""
     is_continuous = any(entry.cls.spec.continuous for entry in network.entries.values())
     notes = []
@@ -43,8 +44,9 @@ def edge_notes(network: Network) -> list[str]:
         if not (len(short) and len(off_ticks(times, dt))):
             continue
         unit = network.time_unit
-        notes.append(
+        text = (
             f"block '{name}': {len(short)} of its pulses or pauses are shorter than a tick, the "
             f"shortest {short.min():.3g} {unit} at dt = {dt:g} {unit}: one lasts a tick, or is lost"
         )
+        notes.append(Note(text, "short-pulse", block=name))
     return notes

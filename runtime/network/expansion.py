@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from blocks.core import hint
+from blocks.core import misspelt
 from runtime.document import (
     PART_SECTIONS,
     SECTIONS,
@@ -86,7 +86,8 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
             message = f"expected {{type: ...}}, got {entry.describe()}"
             if entry.value is None:
                 others = [other for other in block_entries if other != name]
-                message += hint(name, others) or "; null only deletes what 'extends' adds"
+                other = "; null only deletes what 'extends' adds"
+                message = misspelt("null-value", message, name, others, other)
             problems.add(entry.where, address, message)
             scope.broken.add(name)
         elif is_part(entry):
@@ -97,9 +98,8 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
     if not (scope.blocks or scope.parts or scope.broken or scope.unread & {"blocks"}):
         node = document.get("blocks")
         where = document.where if node is None else node.key
-        problems.add(
-            where, scope.path("blocks", ""), f"there are no blocks; {expected_form('blocks')}"
-        )
+        message = f"there are no blocks; {expected_form('blocks')}"
+        problems.add(where, scope.path("blocks", ""), message, "no-blocks")
         scope.unread.add("blocks")
     return scope
 
@@ -142,9 +142,11 @@ def _part(
     for key, item in entry.items():
         if key not in PART_SECTIONS:
             known = declared is not None and declared.get(key) is not None
-            suggestion = hint(key, PART_SECTIONS[:5]) or f"; it has {', '.join(PART_SECTIONS[:5])}"
-            suggestion = f"; write it as params: {{{key}: ...}}" if known else suggestion
-            problems.add(item.key, f"{address}.{key}", f"a part has no '{key}'{suggestion}")
+            names = () if known else PART_SECTIONS[:5]
+            other = f"; write it as params: {{{key}: ...}}" if known else ""
+            other = other or f"; it has {', '.join(names)}"
+            message = misspelt("unknown-name", f"a part has no '{key}'", key, names, other)
+            problems.add(item.key, f"{address}.{key}", message)
     entry_filled = fill_sections(entry, declared, address, problems, work, above.params)
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
     scope.unread = _unread(entry, PART_SECTIONS)

@@ -75,7 +75,7 @@ def report_open(network: Network, problems: Problems) -> None:
             published = frozenset(port for port, _ in network.publications(name))
             reason = "" if entry.block_or_none is None else entry.block.why_open(published)
             message = reason or _open(network, name, ports[0], entry.cls.spec)
-            problems.add(where, entry.address if where == NOWHERE else "", message)
+            problems.add(where, entry.address if where == NOWHERE else "", message, "open-type")
 
 
 def _open(network: Network, block: str, port: str, spec: BlockSpec) -> str:
@@ -329,7 +329,7 @@ class _Inference:
             inherited = outer is not None and outer.source.component
             if source and not inherited and component_type(source, wire.source) is None:
                 message = unknown_component(source, wire.source)
-                self.problems.add(wire.where, wire.address, message)
+                self.problems.add(wire.where, wire.address, message, "unknown-name")
         for wire in self.network.part_wires:
             target = self.network.part_inputs.get(wire.target)
             coming = self.arriving(wire) if wire.source.block in self.bindings else None
@@ -342,7 +342,7 @@ class _Inference:
                 if coming is not None and coming.form == "array" and coming.components:
                     message = f"expected a number, a record or a vector, got {coming} from "
                     message += f"'{wire.source_text}'"
-                    self.problems.add(wire.where, wire.address, message)
+                    self.problems.add(wire.where, wire.address, message, "type-mismatch")
             elif target is not None and coming is not None:
                 port_type = self.into(wire)
                 symbol = port_type.variable if isinstance(port_type, Same) else port_type.symbol
@@ -372,7 +372,7 @@ class _Inference:
             if not target.symbol:  # a length that is open may be the right one
                 message += "".join(entry.block.instead(target) for entry in entries if entry)
             message += "" if because else self.fitting(wire, target)
-        self.problems.add(wire.where, wire.address, message)
+        self.problems.add(wire.where, wire.address, message, "type-mismatch")
 
     def fitting(self, wire: Wire, target: SignalType) -> str:
         """The outputs beside a block that have the type of its input, if the type is a rare one."""

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from blocks.core import FloatArray, GraphInput, StoredArray, hint
+from blocks.core import FloatArray, GraphInput, StoredArray, misspelt
+from blocks.messages import Note
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
@@ -31,20 +32,20 @@ ANEW = (
 Initial = dict[str, dict[str, FloatArray]]
 
 
-def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[str]]:
+def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[Note]]:
     """The states by block and name that ``from`` and ``initial`` take from runs, and notes.
 
     ``from`` gives its states to all blocks of the same name whose states have the same shapes,
     ``initial`` to the blocks or states that it names.
     """
     initial: Initial = {}
-    notes: list[str] = []
+    notes: list[Note] = []
     files: dict[str, dict[str, FloatArray] | None] = {}
     whole, entries = (network.document.get(key) for key in ("from", "initial"))
     runs = [whole] if whole is not None else []
     runs += [each for _, each in entries.items()] if entries is not None and entries.is_map else []
     if any(isinstance(node.value, str) and node.value for node in runs):
-        notes.append(ANEW)
+        notes.append(Note(ANEW, "starts-anew"))
     if whole is not None and whole.value is not None:
         arrays = _states(whole, "from", files, problems)
         if arrays is not None:
@@ -104,7 +105,7 @@ def _take_all(
     initial: Initial,
     node: Node,
     problems: Problems,
-) -> list[str]:
+) -> list[Note]:
     """Whatever fits; returns a note on the blocks that differ."""
     fit, differing = set(), set()
     for name, array in arrays.items():
@@ -126,7 +127,8 @@ def _take_all(
             node.where, "from", f"no block has the name and the states of one in '{node.value}'"
         )
     unfit = sorted(block for block in differing if block in network.entries)
-    return [f"from: {', '.join(unfit)} differ from the run's and start anew"] if unfit else []
+    text = f"{', '.join(unfit)} differ from the run's and start anew"
+    return [Note(text, "starts-anew", "from")] if unfit else []
 
 
 def _take(
@@ -145,8 +147,9 @@ def _take(
         states = {address: arrays[address]} if address in arrays else {}
     if not states:
         known = [*arrays, *(name.rpartition(".")[0] for name in arrays)]
-        suggestion = hint(address, known) or f"; it has {', '.join(sorted(arrays)) or 'none'}"
-        problems.add(node.key, place, f"the run has no state of that name{suggestion}")
+        text, other = "the run has no state of that name", ", ".join(sorted(arrays)) or "none"
+        unknown = misspelt("unknown-name", text, address, known, f"; it has {other}")
+        problems.add(node.key, place, unknown)
     for name, array in states.items():
         block, _, state = name.rpartition(".")
         message = _misfit(network, block, state, array)
@@ -185,9 +188,11 @@ def _misfit(
     """Why an array is no state of a block; '' if it is one."""
     entry = network.entries.get(block)
     if entry is None:
-        return f"there is no block '{block}'{hint(block, network.entries)}"
+        text = f"there is no block '{block}'"
+        return misspelt("unknown-name", text, block, network.entries)
     if state not in entry.cls.spec.states:
-        return f"'{block}' has no state '{state}'{hint(state, entry.cls.spec.states)}"
+        text = f"'{block}' has no state '{state}'"
+        return misspelt("unknown-name", text, state, entry.cls.spec.states)
     shape = whole_shape(network, Endpoint(block, state))
     if shape is not None and shape != array.shape:
         return f"state '{state}' of '{block}' has the shape {shape}, {given} {array.shape}"

@@ -18,7 +18,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
+from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, misspelt
+from blocks.messages import Message, Note
 from blocks.world import World
 from runtime.document import SECOND, Node, Solver, Stop
 from runtime.errors import Problem, Where
@@ -180,7 +181,7 @@ class Network:
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     wires: tuple[Wire, ...] = ()
     part_wires: tuple[Wire, ...] = ()
     part_inputs: Mapping[str, SignalType] = field(default_factory=dict)
@@ -366,20 +367,22 @@ class Network:
         ]
 
 
-def check_output(network: Network, end: Endpoint, states: bool = False) -> str:
-    """What is wrong with an address that should be an output (or a state); '' if nothing is."""
+def check_output(network: Network, end: Endpoint, states: bool = False) -> Message | None:
+    """What is wrong with an address that should be an output (or a state); None if nothing is."""
     entry = network.entries.get(end.block) or network.removed_entries.get(end.block)
     if entry is None:
-        return ""
+        return None
     spec = entry.cls.spec
     known = {**spec.outputs, **spec.states} if states else spec.outputs
     if not end.port:
         listed = ", ".join(f"{end.block}.{name}" for name in known) or "none"
-        return f"'{end.block}' is a block; expected one of its outputs: {listed}"
-    if end.port not in known:
-        if end.port in spec.states:
-            return f"'{end.port}' of '{end.block}' is a state; it can be probed but not wired"
-        noun = "output or state" if states else "output"
-        suggestion = hint(end.port, known) or f"; it has {', '.join(known) or 'none'}"
-        return f"'{end.block}' has no {noun} '{end.port}'{suggestion}"
-    return ""
+        text = f"'{end.block}' is a block; expected one of its outputs: {listed}"
+        return Message(text, "unknown-output")
+    if end.port in known:
+        return None
+    if end.port in spec.states:
+        text = f"'{end.port}' of '{end.block}' is a state; it can be probed but not wired"
+        return Message(text, "unknown-output")
+    noun = "output or state" if states else "output"
+    text, other = f"'{end.block}' has no {noun} '{end.port}'", ", ".join(known) or "none"
+    return misspelt("unknown-output", text, end.port, known, f"; it has {other}")

@@ -8,10 +8,11 @@ In: a network after removal and inference. Out: problems and notes::
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from blocks.core import PortType, SignalType
+from blocks.messages import AddEntry, BypassBlock, Fix, Message, Note
 from runtime.errors import NOWHERE, Problems, Where
 from runtime.network.addresses import AddressError, find
 from runtime.network.inference import compatible
@@ -57,13 +58,14 @@ def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> 
         elif open_input.at not in wiring.connected and "wires" not in open_input.scope.unread:
             wires = open_input.scope.wires.get(open_input.consumer)
             why = wiring.open_for.get(open_input.at)
-            message = f"input '{open_input.name}'{_type_text(open_input.kind)} is not connected"
-            message += (f", since {why}" if why else "") + _suggestion(network, open_input)
+            text = f"input '{open_input.name}'{_type_text(open_input.kind)} is not connected"
+            text += f", since {why}" if why else ""
             where = open_input.where if wires is None else wires.key
-            problems.add(where, open_input.address if where == NOWHERE else "", message)
+            address = open_input.address if where == NOWHERE else ""
+            problems.add(where, address, _message(network, open_input, text))
 
 
-def open_notes(network: Network) -> list[str]:
+def open_notes(network: Network) -> list[Note]:
     """A note for each block that moves though nothing is wired to it: a plant without a command."""
     notes = []
     for name, entry in network.entries.items():
@@ -72,7 +74,8 @@ def open_notes(network: Network) -> list[str]:
         if network.into.get(name) or not open_ or not (spec.update or spec.derivative):
             continue
         values = [f"{key} is {port.default:g} {port.unit}".rstrip() for key, port in open_.items()]
-        notes.append(f"{entry.address}: nothing is wired to it: {' and '.join(values)} throughout")
+        text = f"nothing is wired to it: {' and '.join(values)} throughout"
+        notes.append(Note(text, "not-wired", entry.address, name))
     return notes
 
 
@@ -104,28 +107,39 @@ def _report_removed(network: Network, open_input: _Open, wire: Wire, problems: P
     removed = network.removed_entries.values()
     is_of_copy = any(each.name != each.plain_name and each.name == block for each in removed)
     target = wire.target if is_of_copy else open_input.name
-    message = f"input '{target}'{_type_text(open_input.kind)} is not connected without '{block}'"
+    text = f"input '{target}'{_type_text(open_input.kind)} is not connected without '{block}'"
     entry = next((each for each in removed if block in (each.name, each.plain_name)), None)
+    fixes = []
     if entry is not None and entry.cls.spec.through is not None:
-        message += f"; 'bypass: [{block}]' would connect through it"
-    problems.add(wire.where, wire.address, message + _suggestion(network, open_input))
+        text += f"; 'bypass: [{block}]' would connect through it"
+        fixes.append(BypassBlock(block))
+    problems.add(wire.where, wire.address, _message(network, open_input, text, fixes))
 
 
 def _type_text(kind: PortType | None) -> str:
     return f" ({kind})" if isinstance(kind, SignalType) else ""
 
 
-def _suggestion(network: Network, open_input: _Open) -> str:
-    """Outputs that fit an input, by the names that its graph would use."""
+def _message(network: Network, open_input: _Open, text: str, fixes: Sequence[Fix] = ()) -> Message:
+    """A message with the outputs that fit an input, by the names that its graph would use."""
     kind = open_input.kind
     if not isinstance(kind, SignalType):
-        return "; wire any output to it"
+        return Message(f"{text}; wire any output to it", "open-input", fixes)
     outputs = outputs_in(network, open_input.scope, open_input.consumer)
     fitting = [name for name, have in outputs if fits(have, kind)]
     if not fitting:
-        return f"; no output is a {kind.name}; add a block that has one"
+        text += f"; no output is a {kind.name}; add a block that has one"
+        return Message(text, "open-input", fixes)
     more = ", ..." if len(fitting) > MAX_SUGGESTED else ""
-    return f"; outputs of that type: {', '.join(fitting[:MAX_SUGGESTED])}{more}"
+    fitting = fitting[:MAX_SUGGESTED]
+    path = ("wires", open_input.consumer)
+    # An entry of the file's own wires; those of a part are elsewhere, and may serve many copies.
+    wirings = [
+        AddEntry(path, open_input.port, output, f"Wire '{open_input.name}' to {output}")
+        for output in (fitting if not open_input.scope.prefix else ())
+    ]
+    text += f"; outputs of that type: {', '.join(fitting)}{more}"
+    return Message(text, "open-input", [*fixes, *wirings])
 
 
 def fits(have: SignalType | None, want: SignalType, fills: bool = False) -> bool:

@@ -17,7 +17,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from blocks.core import FloatArray, GraphInput, Options, SignalType, differ, hint, param
+from blocks.core import FloatArray, GraphInput, Options, SignalType, differ, misspelt, param
+from blocks.messages import Note
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.network.addresses import AddressError, Endpoint, find
@@ -64,14 +65,14 @@ def with_ports(network: Network, problems: Problems) -> Network:
             inputs[name] = _port(name, kind, unit, block.default, declared, end)
     for name, node in network.scope.outputs.items():
         port = _output(network, name, node, problems)
-        if isinstance(port, str):
+        if isinstance(port, Note):
             notes.append(port)
         elif port is not None:
             outputs[name] = port
     read = {wire.source.block for wire in network.wires}
     read |= {port.end.block for port in outputs.values()}
     unread = (name for name, port in inputs.items() if port.end.block not in read)
-    notes += [f"inputs.{name}: nothing reads it" for name in unread]
+    notes += [Note("nothing reads it", "not-used", f"inputs.{name}") for name in unread]
     return network.changed(inputs=inputs, outputs=outputs, notes=tuple(notes))
 
 
@@ -97,8 +98,9 @@ def _check_output(node: Node, address: str, problems: Problems) -> None:
     known = GraphOutput.declared
     for key, item in node.items():
         if key not in known:
-            suggestion = hint(key, known) or f"; expected {', '.join(known)}"
-            problems.add(item.key, f"{address}.{key}", f"unknown key{suggestion}", True)
+            other = f"; expected {', '.join(known)}"
+            message = misspelt("unknown-key", "unknown key", key, known, other)
+            problems.add(item.key, f"{address}.{key}", message)
     for key, text in GraphOutput.check(node.plain()):
         written = node.get(key)
         if key != "of" or written is None:  # an address is reported with the wires
@@ -108,7 +110,7 @@ def _check_output(node: Node, address: str, problems: Problems) -> None:
 
 def _output(
     network: Network, name: str, node: Node, problems: Problems
-) -> PortDeclaration | str | None:
+) -> PortDeclaration | Note | None:
     """An output of the graph; a note if its block is removed; None if something is wrong."""
     address = f"outputs.{name}"
     try:
@@ -117,7 +119,8 @@ def _output(
         return None  # reported with the wires
     end = follow(network, written)
     if end is None:
-        return f"{address}: left out, since block '{missing_block(network, written)}' is removed"
+        block = missing_block(network, written)
+        return Note(f"left out, since block '{block}' is removed", "not-used", address, block)
     whole = network.types.get((end.block, end.port))
     kind = None if whole is None else component_type(whole, end)
     if kind is None:

@@ -11,27 +11,31 @@ from __future__ import annotations
 import math
 
 from blocks.core import Block
+from blocks.messages import Note
 from runtime.network.network import Network, Port
 
 
-def rate_notes(network: Network) -> list[str]:
+def rate_notes(network: Network) -> list[Note]:
     """What blocks find wrong with their place in a graph that is right."""
-    told = [
+    with_notes = [
         (name, entry.block)
         for name, entry in network.entries.items()
         if entry.block_or_none is not None and entry.cls.notes is not Block.notes
     ]
-    if not told:
+    if not with_notes:
         return []
-    steps, notes = _Steps(network), []
-    for name, block in told:
+    steps, notes = _Steps(network), list[Note]()
+    for name, block in with_notes:
         into: dict[str, list[float]] = {}
         for wire in network.driving:
             if wire.block == name:
                 step = steps.of((wire.source.block, wire.source.port))
                 into.setdefault(wire.port, []).append(step)
         given = {port: tuple(found) for port, found in into.items()}
-        notes += [f"block '{name}': {text}" for text in block.notes(network.context(name), given)]
+        notes += [
+            Note(f"block '{name}': {text}", "block-note", block=name)
+            for text in block.notes(network.context(name), given)
+        ]
     return notes
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from blocks.core import hint
+from blocks.core import misspelt, similar
 from runtime.document import Node, strings
 from runtime.errors import NOWHERE, Problems
 from runtime.network.addresses import Endpoint, within
@@ -160,9 +160,10 @@ def _blocks_named(network: Network, node: Node, address: str, problems: Problems
     inputs = {port: f"inputs.{port}" for port in network.scope.inputs}
     known = [*network.scope.all_names(), *inputs.values()]
     if not inside and name not in known and name not in network.scope.broken:
-        near = hint(name, known, inputs) or hint(name, network.entries)
-        suggestion = near or f"; blocks: {', '.join(known)}"
-        problems.add(node.where, address, f"there is no block '{name}'{suggestion}", True)
+        text, other = f"there is no block '{name}'", f"; blocks: {', '.join(known)}"
+        similar_to = known if similar(name, known, inputs) else network.entries
+        message = misspelt("unknown-block", text, name, similar_to, other, inputs)
+        problems.add(node.where, address, message)
     return inside
 
 

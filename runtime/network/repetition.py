@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from blocks.core import hint, signal_type
+from blocks.core import misspelt, signal_type
 from runtime.document import INDEX, MAX_BLOCKS, Node, strings, uses_index
 from runtime.errors import Problems
 from runtime.network.scope import Scope
@@ -68,8 +68,8 @@ def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPa
         scope.outputs[port] = Node(f"{gather}.out", node.where, node.key)
     unknown = shared - first.inputs.keys()
     for port in sorted(unknown if "inputs" not in first.unread else ()):
-        known = ", ".join(first.inputs) or "none"
-        message = f"the part has no input '{port}'{hint(port, first.inputs) or f'; it has {known}'}"
+        text, other = f"the part has no input '{port}'", ", ".join(first.inputs) or "none"
+        message = misspelt("unknown-name", text, port, first.inputs, f"; it has {other}")
         problems.add(entry.value["share"].where, f"{scope.address}.share", message)
     return scope
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from blocks.core import Block, hint
+from blocks.core import Block, misspelt
 from blocks.files import resolved
 from blocks.registry import Modules
 from runtime.document import Node, is_part
@@ -82,8 +82,9 @@ def _scopes(document: Node, names: list[str], where: Where) -> list[Node]:
         entry = blocks.get(name)
         if entry is None or not entry.is_map:
             known = [key for key, _ in blocks.items()]
-            suggestion = hint(name, known) or f"; blocks: {', '.join(known) or 'none'}"
-            raise GraphError([Problem(where, "", f"there is no block '{name}'{suggestion}")])
+            text, other = f"there is no block '{name}'", f"; blocks: {', '.join(known) or 'none'}"
+            message = misspelt("unknown-block", text, name, known, other)
+            raise GraphError([Problem(where, "", message)])
         if depth < len(names) - 1:
             if not is_part(entry):
                 raise GraphError([Problem(where, "", f"'{name}' is a block, not a part")])

@@ -9,6 +9,7 @@ In: ``dt`` and ``offset`` as a block writes them, in s. Out: both in base ticks 
 from __future__ import annotations
 
 from blocks.core import Block
+from blocks.messages import Message, Replace
 from runtime.document import MAX_TICKS, Node, seconds
 from runtime.errors import Problems
 from runtime.network.network import Network
@@ -45,6 +46,7 @@ def _ticks(node: Node | None, network: Network, address: str, problems: Problems
         near = max(1, whole) * base
         message = f"{value:g} {unit} is not a multiple of run.dt = {base:g} {unit}; "
         message += f"the nearest is {near:g}"
-        problems.add(node.where, address, message)
+        fixes = [Replace(f"{near:g}", title=f"Replace by {near:g}")]
+        problems.add(node.where, address, Message(message, "invalid-value", fixes))
         return 1
     return whole

@@ -11,6 +11,7 @@ from collections import defaultdict, deque
 from collections.abc import Mapping
 
 from blocks.core import Input, Same, differ
+from blocks.messages import Note
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.components import columns
@@ -19,7 +20,7 @@ from runtime.network.network import Network, Port, Wire
 INTENDED = "; if that is intended, a Gain on this wire gives it another unit"
 
 
-def check_units(network: Network, problems: Problems) -> tuple[list[str], dict[Port, str]]:
+def check_units(network: Network, problems: Problems) -> tuple[list[Note], dict[Port, str]]:
     """Report wires that are joined with one of another unit.
 
     Returns notes about wires whose unit differs from the one that their input declares, which
@@ -72,15 +73,16 @@ class _Units:
                 if differ(unit, expected):
                     message = f"expected {expected} as '{first.source_text}' has, "
                     message += f"got {unit} from '{wire.source_text}'"
-                    self.problems.add(wire.where, wire.address, message + INTENDED)
+                    message += INTENDED
+                    self.problems.add(wire.where, wire.address, message, "unit-mismatch")
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Note]:
         notes = []
         for wire in self.network.wires:
             expected, unit = self.port(wire).unit, self.of(wire.source)
             if differ(unit, expected):
                 message = f"expected {expected}, got {unit} from '{wire.source_text}'{INTENDED}"
-                notes.append(f"{wire.address}: {message}")
+                notes.append(Note(message, "unit-mismatch", wire.address, wire.block))
         return notes
 
     def of(self, end: Endpoint) -> str:

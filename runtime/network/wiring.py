@@ -8,8 +8,9 @@ In: scopes with their sections ``wires``, and the blocks' ports. Out: a :class:`
 
 from __future__ import annotations
 
-from blocks.core import hint
-from runtime.document import Node, closest
+from blocks.core import misspelt, similar
+from blocks.messages import Message, RemoveEntry
+from runtime.document import Node
 from runtime.errors import Problems
 from runtime.network.addresses import (
     AddressError,
@@ -62,17 +63,7 @@ class Wiring:
         address = scope.path("wires", name)
         is_known = name in scope.blocks or name in scope.parts or name in scope.broken
         if not is_known and "blocks" not in scope.unread:
-            known = [*scope.names(), *scope.broken]
-            near = closest(name, known)
-            suggestion = f"; delete these wires, or restore it and write 'without: [{name}]'"
-            head, _, port = name.rpartition(".")
-            if head in known:
-                near = ""
-                suggestion = f"; write {head}: {{{port}: ...}}"
-                self.connected.add((scope.prefix + head, port))
-            elif near:
-                suggestion = hint(name, known)
-            self.problems.add(ports.key, address, f"there is no block '{name}'{suggestion}", True)
+            near = self.unknown_consumer(scope, name, ports, address)
             if not near:
                 return
             # The wires are meant for the block of the similar name: it is not reported as open.
@@ -98,20 +89,41 @@ class Wiring:
                 for item in node.value if node.is_list else [node]:
                     self.check_source(scope, item, inner)
 
+    def unknown_consumer(self, scope: Scope, name: str, ports: Node, address: str) -> str:
+        """Report wires of a block that does not exist; returns the block that they are meant for,
+        '' if no name is similar.
+        """
+        known = [*scope.names(), *scope.broken]
+        text, near = f"there is no block '{name}'", similar(name, known)
+        head, _, port = name.rpartition(".")
+        if head in known:
+            message = Message(f"{text}; write {head}: {{{port}: ...}}", "unknown-block")
+            self.connected.add((scope.prefix + head, port))
+            near = ""
+        elif near:
+            message = misspelt("unknown-block", text, name, known)
+        else:
+            text += f"; delete these wires, or restore it and write 'without: [{name}]'"
+            removal = RemoveEntry(f"Delete the wires of '{name}'")
+            message = Message(text, "unknown-block", [removal])
+        self.problems.add(ports.key, address, message)
+        return near
+
     def unknown_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
         inputs = self.inputs(scope, name)
         full = scope.prefix + name
         # The input is connected, if by a misspelt name; by which one is not known where none is
         # similar.
-        near = closest(port, inputs)
+        near = similar(port, inputs)
         self.connected |= {(full, each) for each in ([near] if near else inputs)}
-        suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
         entry = self.network.entries.get(full)
         relative = relative_with(entry.cls, port) if entry is not None else ""
+        other = f"; its inputs: {', '.join(inputs) or 'none'}"
         if relative:
-            suggestion = f"; the block with this input is a {relative}"
-        owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
-        self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
+            inputs, other = [], f"; the block with this input is a {relative}"
+        text = f"part '{full}'" if name in scope.parts else f"'{full}'"
+        text += f" has no input '{port}'"
+        self.problems.add(node.key, address, misspelt("unknown-input", text, port, inputs, other))
 
     def port(self, entry: NetworkEntry, port: str, node: Node, address: str) -> None:
         if not entry.cls.spec.inputs[port].variadic:
@@ -187,10 +199,10 @@ class Wiring:
         except ReportedError:
             return None
         except AddressError as error:
-            self.problems.add(*(error.location or (node.where, address)), str(error), True)
+            self.problems.add(*(error.location or (node.where, address)), error.message)
             return None
-        text = check_output(self.network, target.end)
-        if text:
-            self.problems.add(*(target.location or (node.where, address)), text, True)
+        wrong = check_output(self.network, target.end)
+        if wrong:
+            self.problems.add(*(target.location or (node.where, address)), wrong)
             return None
         return target if target.end.block in self.network.entries else None

@@ -6,13 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
-from blocks.core import hint
+from blocks.core import misspelt
 from blocks.extensions import Registry
+from blocks.messages import Message
 from blocks.registry import Modules
 from runtime.document import Node, check_keys, misspelt_keys
 from runtime.errors import Problems
 from runtime.network import own_object
 from runtime.observation.other_names import OTHER_NAMES
+
+NEEDS_WORLD = Message("needs a world, as in 'world: worlds/paper_room.yaml'", "missing-world")
 
 
 class HasKeys(Protocol):
@@ -92,10 +95,11 @@ def _report_kind(
     if item is None:
         if "kind" not in misspelt_keys(node, keys):
             message = f"missing; expected one of {', '.join(known)}"
-            problems.add(node.key, address, message)
+            problems.add(node.key, address, message, "missing-value")
         return
-    near = hint(item.plain(), known, OTHER_NAMES)
-    message = f"expected one of {', '.join(known)}, got {item.describe()}{near}"
-    if near and isinstance(item.value, str):  # a long list would hide it
-        message = f"there is no kind '{item.value[:40]}'{near}"
+    text, name = f"expected one of {', '.join(known)}, got {item.describe()}", item.plain()
+    message = misspelt("unknown-type", text, name, known, also=OTHER_NAMES)
+    if message.fixes and isinstance(item.value, str):  # a long list would hide it
+        text = f"there is no kind '{item.value[:40]}'"
+        message = misspelt("unknown-type", text, name, known, also=OTHER_NAMES)
     problems.add(item.where, address, message)

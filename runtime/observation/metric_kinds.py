@@ -17,6 +17,7 @@ import numpy as np
 
 from blocks.core import ExpressionError, FloatArray, Options, expression_function, param, show
 from blocks.world import World
+from runtime.observation.kinds import NEEDS_WORLD
 
 Checks = Iterable[tuple[str, str]]
 Form = Literal["number", "position", "columns"]
@@ -167,7 +168,7 @@ class MetricKind:
     ) -> Checks:
         """All errors in a metric's options and signals, as (key, text)."""
         if self.in_world is not None and not has_world:
-            yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
+            yield "kind", NEEDS_WORLD
         sizes = {role: signal.width for role, signal in probes.items()}
         # Shapes of options say 'columns' for as many as the signal has.
         if "of" in sizes:

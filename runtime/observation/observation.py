@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Container
 from dataclasses import dataclass, field, replace
 
+from blocks.messages import Note
 from runtime.document import SECOND
 from runtime.observation.metric_kinds import ANY
 from runtime.observation.metrics import Metric
@@ -38,7 +39,7 @@ class Observation:
     probes: dict[str, Probe] = field(default_factory=dict)
     plots: list[PlotSpec] = field(default_factory=list)
     metrics: list[Metric] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
     stop: StopTest | None = None
     events: dict[str, tuple[str, ...]] = field(default_factory=dict)
     defaults: list[PlotSpec] = field(default_factory=list)

@@ -17,6 +17,7 @@ from typing import Any
 from blocks.core import Options, plain
 from blocks.extensions import Registry
 from runtime.network import Network
+from runtime.observation.kinds import NEEDS_WORLD
 from runtime.observation.plot_options import (
     Averaged,
     Checks,
@@ -130,7 +131,7 @@ def plot_kind_names(kind: str, has_world: bool) -> tuple[str, ...]:
 def check_options(kind: PlotKind, options: Mapping[str, Any], has_world: bool) -> Checks:
     """All errors in a plot's options, as (key, text)."""
     if kind.in_world and not has_world:
-        yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
+        yield "kind", NEEDS_WORLD
     faults = dict(kind.options.check(options))
     yield from faults.items()
     if not faults:

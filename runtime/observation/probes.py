@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
-from blocks.core import SignalType, Vector, hint, state_shape
+from blocks.core import SignalType, Vector, misspelt, state_shape
 from blocks.neural import Synapse, table_shape
 from runtime.document import TIME_UNITS, Node, in_time, strings
 from runtime.errors import Problems
@@ -194,8 +194,9 @@ def event_blocks(network: Network, node: Node, address: str, problems: Problems)
     for item, place in strings(node, address, "a block, as in relay", problems):
         entry = network.entries.get(item.value)
         if entry is None and item.value not in network.removed_entries:
-            text = f"there is no block '{item.value}'{hint(item.value, network.entries)}"
-            problems.add(item.where, place, text)
+            text = f"there is no block '{item.value}'"
+            message = misspelt("unknown-block", text, item.value, network.entries)
+            problems.add(item.where, place, message)
         elif entry is not None and entry.cls.spec.guards is None:
             text = f"a {entry.cls.__name__} has no events; expected a block such as Relay"
             problems.add(item.where, place, text)

@@ -14,7 +14,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from blocks.core import SettingError, hint
+from blocks.core import SettingError, misspelt
+from blocks.messages import Note
 from blocks.neural import Synapse
 from blocks.registry import Modules
 from runtime.document import (
@@ -134,13 +135,7 @@ class _Reader:
         stop = self.network.stop
         if stop is None:
             return None
-        notes_before = len(self.observation.notes)
-        signal = self.signal(stop.node, "run.stop.when")
-        # The note of a signal of a removed block, in words that fit here.
-        self.observation.notes[notes_before:] = [
-            note.replace("is not recorded", "cannot end the run (run.stop)")
-            for note in self.observation.notes[notes_before:]
-        ]
+        signal = self.signal(stop.node, "run.stop.when", "cannot end the run (run.stop)")
         if signal is None:
             return None
         message = ""
@@ -232,16 +227,18 @@ class _Reader:
             self.observation.probes[probe.name] = probe
             self.places[probe.name] = (where, address)
 
-    def signal(self, node: Node, address: str) -> Signal | None:
-        """The signal at an address; None if it is wrong, unknown, or its block is removed."""
+    def signal(self, node: Node, address: str, otherwise: str = "is not recorded") -> Signal | None:
+        """The signal at an address; None if it is wrong, unknown, or its block is removed, of which
+        a note says what happens ``otherwise``.
+        """
         try:
             target = find(self.network.scope, node.value)
         except ReportedError:
             return None
         except AddressError as error:
-            self.problems.add(*(error.location or (node.where, address)), str(error))
+            self.problems.add(*(error.location or (node.where, address)), error.message)
             return None
-        text = check_output(self.network, target.end, states=True)
+        text: str | None = check_output(self.network, target.end, states=True)
         real = follow(self.network, target.end)
         if not text and real is not None:
             shape = whole_shape(self.network, real)
@@ -259,7 +256,8 @@ class _Reader:
                 text = f"{columns} columns are too many to record; name one, '{node.value}.0'"
         elif not text:
             block = missing_block(self.network, target.end)
-            note = f"'{node.value}' is not recorded: block '{block}' is removed"
+            text = f"'{node.value}' {otherwise}: block '{block}' is removed"
+            note = Note(text, "not-recorded", block=block, name=str(node.value))
             if note not in self.observation.notes:
                 self.observation.notes.append(note)
             return None
@@ -273,7 +271,7 @@ class _Reader:
         node = owner.get(key)
         if (node is None and key not in misspelt_keys(owner, keys)) or (node and node.value == []):
             where = owner.key if node is None else node.where
-            self.problems.add(where, address, f"missing; expected {_SOURCE}")
+            self.problems.add(where, address, f"missing; expected {_SOURCE}", "missing-value")
         return strings(node, address, _SOURCE, self.problems)
 
     def tunings(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
@@ -339,8 +337,8 @@ class _Reader:
         if not dot and head.partition("[")[0] in known:
             return ""
         if not dot:
-            near = hint(name, [*self.declared, *scope.outputs])
-            return f"there is no probe '{name}'{near or '; expected ' + _SOURCE}"
+            probes, other = [*self.declared, *scope.outputs], f"; expected {_SOURCE}"
+            return misspelt("unknown-probe", f"there is no probe '{name}'", name, probes, other)
         if head in self.declared and head not in scope.names():
             return f"'{head}' is a probe; '.{rest}' needs the address that it records"
         owner = name.removesuffix(".time")
@@ -366,7 +364,8 @@ class _Reader:
             self.report(node, keys, address, check_options(definition, options, self.has_world))
         marked, hits = options.get("events"), self.observation.events
         if marked is not None and marked not in hits:
-            text = f"there is no probe of events '{marked}'{hint(str(marked), hits)}"
+            text = f"there is no probe of events '{marked}'"
+            text = misspelt("unknown-probe", text, marked, hits)
             self.report(node, keys, address, [("events", text)])
         if node.get("labels") is not None:
             what = "a string for each line, as in [position, heading]"
@@ -425,7 +424,7 @@ class _Reader:
         note = metric.beyond(self.network.until, self.network.time_unit)
         # A constant, of which the only row is at the start, has its value however long the run is.
         if note and any(p.rows(self.network.ticks) != 1 for p in probes.values()):
-            self.observation.notes.append(note)
+            self.observation.notes.append(Note(note, "not-reached"))
 
     def role_probe(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
         """The probe of one role of a metric."""

@@ -13,14 +13,26 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
+from typing import NamedTuple
 
+from blocks.messages import InsertBlock, Message
 from runtime.errors import NOWHERE, Problems, Where
 from runtime.network import Wire
 from runtime.plan.operations import Call, Solve
 
 Wires = Mapping[tuple[str, str], Sequence[Wire]]
-# Each producer with its consumers, by position, and the wire between them in words, with its place.
-Edges = Sequence[Mapping[int, tuple[str, Where]]]
+
+
+class Edge(NamedTuple):
+    """What joins two calls: a wire, or a block that switches another."""
+
+    source: str
+    target: str
+    where: Where
+
+
+# Each producer with its consumers, by position, and the wire between them.
+Edges = Sequence[Mapping[int, Edge]]
 
 
 def ordered(calls: Sequence[Call], wires: Wires, solve: bool = False) -> list[Call | Solve]:
@@ -37,15 +49,15 @@ def ordered(calls: Sequence[Call], wires: Wires, solve: bool = False) -> list[Ca
     GraphError : naming every algebraic loop, or those that cannot be solved.
     """
     makes = {signal.key: i for i, call in enumerate(calls) for signal in call.outputs}
-    edges: list[dict[int, tuple[str, Where]]] = [{} for _ in calls]
+    edges: list[dict[int, Edge]] = [{} for _ in calls]
     for i, call in enumerate(calls):
         for switch in call.gate.switches:
-            edges[makes[switch.key]][i] = (f"{switch} ▸ {call.block}", NOWHERE)
+            edges[makes[switch.key]][i] = Edge(str(switch), call.block, NOWHERE)
         for argument in call.arguments:
             # An output of the block itself has no wires: what it reads was there before.
             for wire in wires.get((call.block, argument.port), ()):
                 producer = makes[wire.source.block, wire.source.port]
-                edges[producer][i] = (f"{wire.source} ▸ {wire.target}", wire.where)
+                edges[producer][i] = Edge(str(wire.source), wire.target, wire.where)
     ranks = [(call.gate.every, call.block, i) for i, call in enumerate(calls)]
     order = _sorted(edges, ranks)
     if len(order) == len(calls):
@@ -54,7 +66,7 @@ def ordered(calls: Sequence[Call], wires: Wires, solve: bool = False) -> list[Ca
     _report(loops, calls, solve)
     # Each loop becomes one node, in the place of the first of its calls.
     place = {i: min(loop.calls) for loop in loops for i in loop.calls}
-    joined: list[dict[int, tuple[str, Where]]] = [{} for _ in calls]
+    joined: list[dict[int, Edge]] = [{} for _ in calls]
     for i, consumers in enumerate(edges):
         for j, edge in consumers.items():
             if (first := place.get(i, i)) != (second := place.get(j, j)):
@@ -66,14 +78,14 @@ def ordered(calls: Sequence[Call], wires: Wires, solve: bool = False) -> list[Ca
 
 @dataclass(frozen=True)
 class _Loop:
-    """Calls that depend on each other, and one circle through them in words, with its places."""
+    """Calls that depend on each other, and one circle through them."""
 
     calls: frozenset[int]
-    circle: Sequence[tuple[str, Where]]
+    circle: Sequence[Edge]
 
     @property
     def path(self) -> str:
-        return " ▸ ".join(text for text, _ in self.circle)
+        return " ▸ ".join(f"{edge.source} ▸ {edge.target}" for edge in self.circle)
 
 
 def _sorted(edges: Edges, ranks: Sequence[tuple[int, str, int]]) -> list[int]:
@@ -122,8 +134,10 @@ def _report(loops: Sequence[_Loop], calls: Sequence[Call], solve: bool) -> None:
             suggestion += ", and run: {loops: solve} solves it at each tick"
         else:
             suggestion = f"its blocks are not all computed on the same ticks; {suggestion}"
-        where = next((where for _, where in loop.circle if where.file), NOWHERE)
-        problems.add(where, "", f"algebraic loop: {loop.path}; {suggestion}")
+        where = next((edge.where for edge in loop.circle if edge.where.file), NOWHERE)
+        fixes = [InsertBlock("UnitDelay", edge.target) for edge in loop.circle if edge.where.line]
+        message = f"algebraic loop: {loop.path}; {suggestion}"
+        problems.add(where, "", Message(message, "algebraic-loop", fixes))
     problems.raise_any()
 
 

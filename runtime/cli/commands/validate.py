@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING, Any
 
+from blocks.messages import plain_fix
 from runtime.arguments import add_json
 from runtime.cli.commands.changes import add_changes, changed, is_changed
 from runtime.cli.problems import report
@@ -105,5 +106,7 @@ def _plain(model: Model, found: Diagnostic) -> dict[str, Any]:
         "severity": found.severity,
         "address": found.address,
         "message": found.message,
+        "kind": found.kind,
+        "fixes": [plain_fix(fix) for fix in found.fixes],
         "related": [{"where": str(each.where), "message": each.message} for each in found.related],
     }

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
+from blocks.messages import Message
 from runtime.document import (
     SHIPPED,
     Node,
@@ -282,7 +283,8 @@ class _ExperimentReader:
             address, text = problem.address, problem.text
             if place and not address.startswith(place):
                 address, text = place, f"{address}: {text}".removeprefix(": ")
-            self.problems.add(_position(problem.where, otherwise), address, text, problem.is_name)
+            message = Message(text, problem.kind, problem.fixes)
+            self.problems.add(_position(problem.where, otherwise), address, message)
 
     def graph(self, node: Node, address: str, required: bool = False) -> Graph | None:
         """The graph that an entry names, without the changes that the entry makes."""
