@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import ast
-import os
 import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import chain
 from pathlib import Path
 
 import networkx as nx
-import pytest
 
 from docs.describe import ROOMS
 
@@ -62,13 +57,12 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.nengo",),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
     (
         *("spikeblocks.fmu", "spikeblocks.gym", "spikeblocks.lsp", "spikeblocks.mujoco"),
-        "spikeblocks.page",
+        *("spikeblocks.nengo", "spikeblocks.page"),
     ),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
@@ -222,40 +216,6 @@ def test_no_bridge_is_named_outside_of_its_folder() -> None:
         and room_of(m) != room_of(target)
     ]
     assert named == []
-
-
-DELETED = """import sys
-# An editable installation would find what is deleted here.
-sys.meta_path = [f for f in sys.meta_path if "editable" not in getattr(f, "__module__", "")]
-import runtime, runtime.cli
-codes = []
-for words in (["--help"], ["run", "starters/adaptive", "--until", "0.01", "--no-plots"], ["VERB"]):
-    try:
-        codes.append(runtime.cli.run(words))
-    except SystemExit as ended:
-        codes.append(ended.code)
-print(codes, runtime.PACKAGE)
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("bridge", "verb"), [("nengo", "import")])
-def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
-    for package in ("blocks", "runtime", "graphs"):
-        shutil.copytree(ROOT / package, tmp_path / package)
-    shutil.rmtree(tmp_path / "runtime" / bridge)
-    done = subprocess.run(
-        [sys.executable, "-c", DELETED.replace("VERB", verb)],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.stdout.splitlines()[-1] == f"[0, 0, 2] {tmp_path}", done.stderr
-    missing = f"ModuleNotFoundError: No module named 'runtime.{bridge}'"
-    line = f"'{verb}' of package spikeblocks: runtime.{bridge} cannot be imported: {missing}"
-    assert [f"note: {line}", line] == [n for n in done.stderr.splitlines() if "package" in n]
-    assert f"\n    {verb} " not in done.stdout
 
 
 def test_no_door_exports_a_name_that_one_of_its_modules_has() -> None:

@@ -35,8 +35,8 @@ PACKAGES = (
 CORE = ("blocks", "runtime")
 # Rooms of ``runtime`` that present what was computed, or convert: they change no number of a run.
 PRESENTING = frozenset(
-    ("checking", "cli", "compare", "diagrams", "export", "language", "nengo", "plots")
-) | {"reports"}
+    ("checking", "cli", "compare", "diagrams", "export", "language", "plots", "reports")
+)
 SOURCES = frozenset((".py", ".h"))
 LENGTH = 12  # hexadecimal digits that are kept
 

@@ -21,7 +21,7 @@ import numpy as np
 
 import runtime
 from runtime.errors import SpikeblocksError
-from runtime.nengo.importing import Imported, import_network, run_both
+from spikeblocks.nengo.importing import Imported, import_network, run_both
 from tests.gallery import nengo_models
 from tests.gallery.nengo_models import MODELS
 

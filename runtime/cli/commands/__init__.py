@@ -50,10 +50,7 @@ VERBS: Registry[Verb] = Registry(
     "verbs",
     _VERB,
     "a module with HELP, add and run",
-    lazy={
-        **{name: f"{__name__}.{name}" for names in GROUPS.values() for name in names},
-        "import": "runtime.nengo",
-    },
+    lazy={name: f"{__name__}.{name}" for names in GROUPS.values() for name in names},
 )
 
 

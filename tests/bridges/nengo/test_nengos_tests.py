@@ -1,6 +1,6 @@
 """Nengo's own tests with our Simulator: which fail, and why, is ``own_tests.json``.
 
-``python -m tests.runtime.nengo.test_nengos_tests`` runs them and writes the file anew, with the
+``python -m tests.bridges.nengo.test_nengos_tests`` runs them and writes the file anew, with the
 reasons that it has; docs/coming-from-nengo.md shows it.
 """
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.nengo.decoding import Probed
-from runtime.nengo.flow import Decoded, Flow, Terms, holds_gains, is_direct, is_full, rule_of
-from runtime.nengo.populations import synapse_entry
+from spikeblocks.nengo.decoding import Probed
+from spikeblocks.nengo.flow import Decoded, Flow, Terms, holds_gains, is_direct, is_full, rule_of
+from spikeblocks.nengo.populations import synapse_entry
 
 STATES = {"input": "drive", "refractory_time": "refractory", "adaptation": "recovery"}
 RULE_STATES = {"inv_gamma": "inverse", "theta": "theta"}

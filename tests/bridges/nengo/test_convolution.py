@@ -12,8 +12,8 @@ import pytest
 nengo = pytest.importorskip("nengo")
 
 from runtime.errors import UsageError  # noqa: E402
-from runtime.nengo.convolution import convolution_matrix  # noqa: E402
-from runtime.nengo.importing import import_file, run_both  # noqa: E402
+from spikeblocks.nengo.convolution import convolution_matrix  # noqa: E402
+from spikeblocks.nengo.importing import import_file, run_both  # noqa: E402
 
 LAYERS = """
 import nengo, numpy as np

@@ -16,10 +16,10 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.nengo import nodes
-from runtime.nengo.expressions import Text
-from runtime.nengo.flow import Decoded, is_full
-from runtime.nengo.populations import solver_entry
+from spikeblocks.nengo import nodes
+from spikeblocks.nengo.expressions import Text
+from spikeblocks.nengo.flow import Decoded, is_full
+from spikeblocks.nengo.populations import solver_entry
 
 
 def decoder_entry(

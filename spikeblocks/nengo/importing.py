@@ -17,10 +17,10 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.graph import load
-from runtime.nengo.conversion import convert
-from runtime.nengo.converted import Converted, Options
-from runtime.nengo.reading import names, read_network
-from runtime.nengo.writing import files, write
+from spikeblocks.nengo.conversion import convert
+from spikeblocks.nengo.converted import Converted, Options
+from spikeblocks.nengo.reading import names, read_network
+from spikeblocks.nengo.writing import files, write
 
 TOLERANCE = 1e-6  # of the largest value: rounding, after some seconds of a recurrent network
 

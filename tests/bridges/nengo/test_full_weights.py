@@ -10,8 +10,8 @@ import pytest
 
 nengo = pytest.importorskip("nengo")
 
-from runtime.nengo.importing import import_network, run_both  # noqa: E402
 from spikeblocks.nengo import Simulator  # noqa: E402
+from spikeblocks.nengo.importing import import_network, run_both  # noqa: E402
 
 
 def _network(rule: Any) -> Any:

@@ -20,8 +20,8 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.nengo.attributes import is_exactly
-from runtime.nengo.convolution import TRANSFORMS, convolution_matrix
+from spikeblocks.nengo.attributes import is_exactly
+from spikeblocks.nengo.convolution import TRANSFORMS, convolution_matrix
 
 # Bytes of one transform. Connections in a row are multiplied as matrices, which also a convolution
 # is: 28 x 28 x 1 to 26 x 26 x 32 takes 136 MB, a second such layer 6.4 GB.

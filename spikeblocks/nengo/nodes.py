@@ -20,7 +20,7 @@ import nengo
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.nengo.expressions import Text, expression_of, given_names, node_of
+from spikeblocks.nengo.expressions import Text, expression_of, given_names, node_of
 
 POINTS = 300
 HEADER = '''"""Functions of the Nengo model that are no expressions of a graph."""
@@ -140,7 +140,7 @@ def stub(name: str, size_in: int, size: int) -> str:
 
 def calling(name: str, number: int, size_in: int, size: int, takes_time: bool) -> str:
     """A class that calls a Python function of this process, by its number."""
-    source = "from runtime.nengo.live import CALLS"
+    source = "from spikeblocks.nengo.live import CALLS"
     return _class(name, source, f"CALLS[{number}]", size_in, size, takes_time)
 
 

@@ -14,8 +14,8 @@ from tests.conftest import Run
 
 nengo = pytest.importorskip("nengo")
 
-from runtime.nengo.expressions import expression_of  # noqa: E402
-from runtime.nengo.importing import Imported, import_file, is_equal, run_both  # noqa: E402
+from spikeblocks.nengo.expressions import expression_of  # noqa: E402
+from spikeblocks.nengo.importing import Imported, import_file, is_equal, run_both  # noqa: E402
 
 PES = """
 import nengo, numpy as np
@@ -241,7 +241,7 @@ def test_without_nengo_the_message_is_the_pip_line(
     tmp_path: Path, cli: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from runtime.errors import MissingExtraError
-    from runtime.nengo import verb
+    from spikeblocks.nengo import verb
 
     monkeypatch.setitem(sys.modules, "nengo", None)
     parser = __import__("argparse").ArgumentParser()

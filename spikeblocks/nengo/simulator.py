@@ -18,15 +18,20 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-import nengo
 import numpy as np
-from nengo.exceptions import SimulatorClosed, ValidationError
 
 from blocks.core import FloatArray
-from runtime.errors import SimulationError
+from runtime.errors import MissingExtraError, SimulationError
+
+try:
+    import nengo
+except ImportError:
+    raise MissingExtraError("running models of Nengo", "nengo") from None
+from nengo.exceptions import SimulatorClosed, ValidationError
+
 from runtime.graph import load
-from runtime.nengo.importing import import_network
-from runtime.nengo.live import CALLS
+from spikeblocks.nengo.importing import import_network
+from spikeblocks.nengo.live import CALLS
 
 
 class Simulator:

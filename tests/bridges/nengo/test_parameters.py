@@ -1,6 +1,6 @@
 """Each parameter of each public class of Nengo is read, or refused by name, when it is set.
 
-``python -m tests.runtime.nengo.test_parameters`` writes the counts into docs/coming-from-nengo.md.
+``python -m tests.bridges.nengo.test_parameters`` writes the counts into docs/coming-from-nengo.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from nengo import dists, processes, solvers  # noqa: E402
 from nengo.params import Parameter  # noqa: E402
 
 from runtime.errors import UsageError  # noqa: E402
-from runtime.nengo.importing import import_network, is_equal  # noqa: E402
+from spikeblocks.nengo.importing import import_network, is_equal  # noqa: E402
 
 PAGE = Path(__file__).parents[3] / "docs" / "coming-from-nengo.md"
 BEGIN, END = "<!-- begin: Nengo's parameters -->\n", "<!-- end: Nengo's parameters -->\n"

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import FloatArray
-from runtime.nengo.flow import Population
-from runtime.nengo.probing import Recording
+from spikeblocks.nengo.flow import Population
+from spikeblocks.nengo.probing import Recording
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ def run(options: Namespace) -> int:
         import nengo  # noqa: F401
     except ImportError:
         raise MissingExtraError("importing a model of Nengo", "nengo") from None
-    from runtime.nengo.importing import import_file, is_equal
-    from runtime.nengo.reading import functions_of
+    from spikeblocks.nengo.importing import import_file, is_equal
+    from spikeblocks.nengo.reading import functions_of
 
     source = Path(options.model.partition(":")[0] if ":" in options.model else options.model)
     path = Path(options.out) if options.out else Path(source.stem + SUFFIX)

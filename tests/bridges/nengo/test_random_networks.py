@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 nengo = pytest.importorskip("nengo")
 
-from runtime.nengo.importing import import_network, run_both  # noqa: E402
+from spikeblocks.nengo.importing import import_network, run_both  # noqa: E402
 
 FUNCTIONS = (
     None,

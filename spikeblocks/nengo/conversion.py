@@ -17,11 +17,11 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.nengo import decoding, live, nodes
-from runtime.nengo.attributes import is_exactly
-from runtime.nengo.converted import Converted, Options
-from runtime.nengo.decoding import Probed, between_neurons, decoder_entry
-from runtime.nengo.flow import (
+from spikeblocks.nengo import decoding, live, nodes
+from spikeblocks.nengo.attributes import is_exactly
+from spikeblocks.nengo.converted import Converted, Options
+from spikeblocks.nengo.decoding import Probed, between_neurons, decoder_entry
+from spikeblocks.nengo.flow import (
     Computed,
     Decoded,
     Filtered,
@@ -40,13 +40,13 @@ from runtime.nengo.flow import (
     summed,
     weight_rules,
 )
-from runtime.nengo.populations import (
+from spikeblocks.nengo.populations import (
     ensemble_entry,
     rule_entries,
     rule_entry,
     synapse_entry,
 )
-from runtime.nengo.probing import recording, sampled
+from spikeblocks.nengo.probing import recording, sampled
 
 
 def convert(network: Any, names: dict[Any, str], options: Options, built: Any = None) -> Converted:

@@ -1,6 +1,6 @@
 """The files of an import: ``my.yaml``, ``my.npz`` and ``my_blocks.py``.
 
-In: a :class:`~runtime.nengo.converted.Converted`. Out: their texts and arrays, and the files::
+In: a :class:`~spikeblocks.nengo.converted.Converted`. Out: their texts and arrays, and the files::
 
     blocks:
       a: {type: Ensemble, neurons: 50, gain: my.npz#a.gain, ...}
@@ -17,9 +17,9 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.document import flow_yaml
 from runtime.files import Content, system_errors, write_files
-from runtime.nengo.converted import Converted, Options
-from runtime.nengo.nodes import HEADER
 from runtime.streaming import save_arrays
+from spikeblocks.nengo.converted import Converted, Options
+from spikeblocks.nengo.nodes import HEADER
 
 FEW = 16  # numbers that are written into the text, if they are short
 

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.signal import cont2discrete
 
 from runtime.errors import UsageError
-from runtime.nengo.attributes import is_exactly, number, only_reads
-from runtime.nengo.flow import Population
+from spikeblocks.nengo.attributes import is_exactly, number, only_reads
+from spikeblocks.nengo.flow import Population
 
 # Parameters of an ensemble that are read; its points of evaluation are in what was solved.
 READ = {
