@@ -37,13 +37,12 @@ from benchmarks.problems import (
 )
 from blocks import Block, Input, Output, Pulse, Scalar, State
 from blocks.core import FloatArray
+from runtime.solvers import SOLVERS
 
 PAGE = Path(__file__).parent.parent / "docs" / "time.md"
 MARK = "<!-- python -m benchmarks.orders -->"
-SOLVERS = {"euler": 1, "heun": 2, "rk4": 4, "dopri5": 5, "rodas4": 4}
 STEPS = (0.05, 0.025, 0.0125)
 RTOLS = (1e-4, 1e-6, 1e-8)
-ADAPTIVE = ("dopri5", "rodas4")
 ROUNDS = 5
 TIMES = f"""\
 CPU time of one run, and its ratio to ours compiled in the same process: the median of {ROUNDS} runs
@@ -168,7 +167,7 @@ def order(title: str, solver: str) -> float:
     """The slope of the largest error between the two shortest steps."""
     errors = []
     for dt in STEPS[1:]:
-        loose = {"rtol": 1e9, "atol": 1e9, "max_step": dt} if solver in ADAPTIVE else {}
+        loose = {"rtol": 1e9, "atol": 1e9, "max_step": dt} if SOLVERS[solver].is_adaptive else {}
         x, _ = solved(title, dt=dt, solver=solver, **loose)
         errors.append(np.abs(x - EXACT[title](dt * np.arange(len(x)))).max())
     return math.log2(errors[0] / errors[1])
@@ -177,9 +176,9 @@ def order(title: str, solver: str) -> float:
 def orders() -> str:
     """The table of orders."""
     lines = ["| solver | nominal | " + " | ".join(EXACT) + " |", "|---|---|---|---|---|"]
-    for solver, nominal in SOLVERS.items():
+    for solver, method in SOLVERS.items():
         found = [f"{order(title, solver):.2f}" for title in EXACT]
-        lines.append(f"| {solver} | {nominal} | {' | '.join(found)} |")
+        lines.append(f"| {solver} | {method.order} | {' | '.join(found)} |")
     return "\n".join(lines)
 
 

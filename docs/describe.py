@@ -7,7 +7,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 
 from blocks.core import Block
@@ -25,7 +25,7 @@ from runtime.descriptions import (
     settings,
     summary,
 )
-from runtime.document import SHIPPED
+from runtime.document import RUN_KEYS, SHIPPED
 from runtime.language import json_schema
 from runtime.observation import (
     METRIC_KINDS,
@@ -224,9 +224,23 @@ def index_file() -> str:
 
 def with_limits(page: str) -> str:
     """The text of docs/security.md with the table of limits as it is in the code."""
-    rows = "".join(f"| {what} | {limit} |\n" for what, limit in TABLE)
-    head = "| what | limit |\n|---|---|\n"
-    return re.sub(rf"{re.escape(head)}(\|.*\n)*", lambda _: head + rows, page)
+    return _with_table(page, ("what", "limit"), TABLE)
+
+
+def with_run_keys(page: str) -> str:
+    """The text of docs/graph-format.md with the keys of ``run`` as they are declared."""
+    rows = [
+        (f"`{key}`", ". ".join(filter(None, (each.doc, each.more))), each.shown)
+        for key, each in RUN_KEYS.items()
+    ]
+    return _with_table(page, ("key of `run`", "meaning", "default"), rows)
+
+
+def _with_table(page: str, head: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
+    """A page in which the rows of the table with this head are replaced."""
+    first = f"| {' | '.join(head)} |\n{'|---' * len(head)}|\n"
+    text = first + "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)
+    return re.sub(rf"{re.escape(first)}(\|.*\n)*", lambda _: text, page)
 
 
 def main() -> int:
@@ -245,8 +259,8 @@ def main() -> int:
         "expressions.md": expressions_page(),
         "gallery.md": gallery_page(),
     }
-    security = (docs / "security.md").read_text(encoding="utf-8")
-    pages["security.md"] = with_limits(security)
+    for name, complete in (("security.md", with_limits), ("graph-format.md", with_run_keys)):
+        pages[name] = complete((docs / name).read_text(encoding="utf-8"))
     for name, page in pages.items():
         (docs / name).write_text(page, encoding="utf-8")
     return 0

@@ -21,7 +21,7 @@ import pytest
 import blocks
 import runtime
 from blocks.registry import blocks_of_module
-from docs.describe import blocks_pages, gallery_page, observing_page
+from docs.describe import blocks_pages, gallery_page, observing_page, with_run_keys
 from docs.expressions_page import expressions_page
 from runtime.cli.shipped import RUNNABLE, shipped
 from runtime.document import parse_yaml
@@ -44,6 +44,8 @@ def test_the_blocks_page_is_current() -> None:
     assert page == observing_page(), "run: python -m docs.describe"
     page = (ROOT / "docs" / "expressions.md").read_text(encoding="utf-8")
     assert page == expressions_page(), "run: python -m docs.describe"
+    page = (ROOT / "docs" / "graph-format.md").read_text(encoding="utf-8")
+    assert page == with_run_keys(page), "run: python -m docs.describe"
     page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     assert page == gallery_page(), "run: python -m docs.describe"
 

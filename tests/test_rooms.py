@@ -28,7 +28,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.wall_fitting",),
     ("blocks.registry",),
     ("blocks",),
-    ("runtime.errors", "runtime.streaming", "runtime.codegen"),
+    ("runtime.errors", "runtime.streaming", "runtime.codegen", "runtime.solvers"),
     ("runtime.files",),
     ("runtime.terminal", "runtime.toolchain"),
     ("runtime.arguments", "runtime.tables"),

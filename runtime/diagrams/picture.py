@@ -234,7 +234,7 @@ def _box(network: Network, entry: NetworkEntry) -> Box:
         rate = CONTINUOUS
     elif period:
         rate = rate_text(period, network.time_unit)
-    solver = f", {network.solver.name}" if spec.continuous else ""
+    solver = f", {network.solver}" if spec.continuous else ""
     facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solver}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]

@@ -42,24 +42,13 @@ from runtime.document.loader import (
     shipped_graphs,
 )
 from runtime.document.node import Node, Value, dump_yaml, from_python, parse_yaml
-from runtime.document.run_section import (
-    MAX_TICKS,
-    RUN_CHOICES,
-    STOP_DOCS,
-    Solver,
-    Stop,
-    plain_entries,
-    read_run,
-    read_seed,
-    seconds,
-)
+from runtime.document.run_keys import MAX_TICKS, STOP_DOCS, Stop, read_seed, seconds
+from runtime.document.run_section import RUN_KEYS, RunSection, read_run
 from runtime.document.scalars import parse_scalar
 from runtime.document.sections import (
     EXAMPLES,
     FILE_SECTIONS,
     PART_SECTIONS,
-    RUN_DOCS,
-    RUN_KEYS,
     SECTIONS,
     check_keys,
     expected_form,

@@ -3,7 +3,7 @@
 In: a document and a section's name. Out: its entries, with a problem for each key that does not
 exist and a suggestion::
 
-    check_keys(node, RUN_KEYS, "run", problems, "key", RUN_OTHER_NAMES)
+    check_keys(node, RUN_KEYS, "run", problems, "key")
     # line.yaml:2:6: run.duration: unknown key, did you mean 'until'?
 """
 
@@ -62,38 +62,6 @@ EXAMPLES = {
     "initial": "snn.weights: runs/my/latest",
     "inputs": "push: {type: Scalar, default: 0.0}",
     "outputs": "command: join.out",
-}
-RUN_DOCS = {
-    "dt": "base step, s",
-    "until": "length of the run, s",
-    "time_unit": "what the numbers of time in this graph are in, for axes and messages",
-    "seed": "of all noise and neurons",
-    "engine": "python, compiled (needs a C compiler), or auto: compiled where that pays off; "
-    "checked: compiled, and every index is checked",
-    "memory": "memory for recordings, as in 512M; larger ones are written to disk",
-    "keep": "how much of the recordings is kept, the last part, as in 60s; all by default",
-    "states": "final states that the run folder keeps: small (up to 1 MB each), all, none",
-    "solver": "how continuous states are integrated between two ticks",
-    "rtol": "dopri5, rodas4: largest error of a step, relative to the state",
-    "atol": "dopri5, rodas4: largest error of a step of a state near 0",
-    "max_step": "dopri5, rodas4: the largest step, s",
-    "events": "located: events and edges are at their times between ticks; ticks: at ticks alone",
-    "loops": "algebraic loops: error, or solve, which solves them by Newton's method",
-    "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
-}
-RUN_KEYS = tuple(RUN_DOCS)
-# What other tools call the keys of the section.
-RUN_OTHER_NAMES = {
-    name: ours
-    for ours, names in {
-        "until": "duration length time t_end tend t_final tf tmax t_max end stop_time simtime",
-        "dt": "timestep time_step step step_size stepsize h delta_t sample_time fixed_step",
-        "solver": "method integrator ode scheme",
-        "time_unit": "unit units time_units",
-        "seed": "random_seed rng",
-        "stop": "stop_when until_when event",
-    }.items()
-    for name in names.split()
 }
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.

@@ -27,8 +27,18 @@ DRIVER_NAMES = ("drive", "due", "read", "store")
 # Names used by the text of a graph with continuous states, or that may stop early.
 CONTINUOUS_NAMES = (
     *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
-    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
-    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached", "refused"),
+    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "move_states", "i0", "i1"),
+    *(
+        "sum",
+        "done",
+        "h",
+        "substep",
+        "control",
+        "accept_step",
+        "errors",
+        "unreached",
+        "reject_step",
+    ),
     *("ArithmeticError", "ValueError"),
     *("stop", "beyond", "search", "sides", "directions", "guards", "fired", "edges", "found"),
     *(

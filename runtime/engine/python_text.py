@@ -17,7 +17,6 @@ from typing import Any
 from blocks.core import SignalType
 from runtime.engine.naming import Names
 from runtime.engine.python_values import absent, finite_test
-from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     ALWAYS,
     Argument,
@@ -38,6 +37,7 @@ from runtime.plan import (
     Test,
     Zero,
 )
+from runtime.solvers import Method, method_of
 
 INDENT = "    "
 # How much before an edge, in ticks, a source shows what it is before: more than its tolerance.
@@ -322,7 +322,10 @@ class PythonText:
             self.code(f"h = substep(control, done, {self.dt})")
             self.code("start[:] = states")
             self.attempt(part, method)
-            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {self.dt})")
+            given = (
+                f"states, start, slopes, errors, control, {method.exponent!r}, done, h, {self.dt}"
+            )
+            self.code(f"done = accept_step({given})")
             self.code("done >= 0.0 or unreached(done, t)")
             self.operations(part.projections)
             self.depth -= 1
@@ -351,7 +354,7 @@ class PythonText:
         self.stages(part, method, "h", "(done + nodes[stage] * h)")
         self.depth -= 1
         self.code("except (ArithmeticError, ValueError):")
-        self.code(f"{INDENT}if refused(states, start, control, h) < 0.0:")
+        self.code(f"{INDENT}if reject_step(states, start, control, h) < 0.0:")
         self.code(f"{INDENT * 2}raise")
         if undo:
             self.code(f"{INDENT}{undo}")
@@ -402,8 +405,8 @@ class PythonText:
             return
         self.attempt(part, method, "search[0] = 2.0")
         self.code("if search[0] == 2.0:")
-        given = "states, start, slopes, errors, control, done, h, search[2]"
-        self.code(f"{INDENT}reached = judged({given})")
+        given = f"states, start, slopes, errors, control, {method.exponent!r}, done, h, search[2]"
+        self.code(f"{INDENT}reached = accept_step({given})")
         self.code(f"{INDENT}reached >= 0.0 or unreached(reached, t)")
         self.code(f"{INDENT}if reached == done:")
         self.code(f"{INDENT * 2}continue")

@@ -22,15 +22,13 @@ import math
 import numpy as np
 
 from blocks.core import FloatArray
+from runtime.solvers import SHIFT, SPARE
 
 GAMMA = 0.25
-# The share of the step after which the derivative by time is estimated.
-SHIFT = 1e-5
 # The rounding of a float64, of which the root is the best step of a difference.
 DIFFERENCE = 2.220446049250313e-16
-# Increments of a step, each with a stage; and the rows of the slopes after those of the stages and
-# of M's columns: which rows of M were exchanged, and its band.
-INCREMENTS, SPARE = 6, 2
+# Increments of a step, each with a stage.
+INCREMENTS = 6
 # The arrays of a ``Coupling`` that :func:`implicit` takes.
 STRUCTURE = "colours", "pattern", "places"
 # Loops over so narrow a band are faster in Python than NumPy's calls.

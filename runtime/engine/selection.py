@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 
 from blocks.core import Same, state_shape
-from runtime.engine.solvers import method_of
 from runtime.network import Network
 from runtime.plan import continuous_row
+from runtime.solvers import method_of
 from runtime.toolchain import available, find_compiler, install_command
 
 # Rough costs in Python (s), measured on case A: a call of a block, and each number that an update
@@ -82,7 +82,7 @@ def _stages(network: Network) -> float:
     again = [entry for entry in entries if entry.is_memoryless or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
     size = continuous_row(network).size
-    return method_of(network.solver.name, size).stages * CALL * (STAGE + calls)
+    return method_of(network.solver, size).stages * CALL * (STAGE + calls)
 
 
 def _computed(network: Network, block: str, port: str) -> int:

@@ -22,8 +22,8 @@ from runtime.engine.loops import loop_names
 from runtime.engine.naming import GLOBALS
 from runtime.engine.program import Program
 from runtime.engine.rosenbrock import STRUCTURE, implicit
-from runtime.engine.solvers import blend, controls, joined, judged, method_of, refused, substep
 from runtime.engine.state import RunState
+from runtime.engine.steps import accept_step, blend, controls, joined, reject_step, substep
 from runtime.engine.values import (
     OutputChecks,
     Zeros,
@@ -35,6 +35,7 @@ from runtime.engine.values import (
 )
 from runtime.errors import Problem, SimulationError, raised_at, raised_text, text_of
 from runtime.plan import Call, Record, Signal
+from runtime.solvers import method_of
 
 
 @dataclass
@@ -194,10 +195,10 @@ class Start:
         size = part.row.size
         method = method_of(part.solver, part.colours)
         slopes = np.zeros((method.slope_rows(size), size))
-        solver, dt = self.network.solver, self.network.dt
+        run, dt = self.network, self.network.dt
         control = self.state.arrays["run/control"]
-        longest = min(dt, solver.max_step or dt)
-        control[:] = controls(solver.rtol, solver.atol, longest)
+        longest = min(dt, run.max_step or dt)
+        control[:] = controls(run.rtol, run.atol, longest)
         if part.ends_steps:
             directions = part.directions
             sides = self.state.arrays["run/sides"]
@@ -224,9 +225,9 @@ class Start:
             "errors": np.array(method.errors),
             "control": control,
             "substep": substep,
-            "judged": judged,
-            "refused": refused,
-            "unreached": partial(unreached, part, solver.name, control),
+            "accept_step": accept_step,
+            "reject_step": reject_step,
+            "unreached": partial(unreached, part, part.solver, control),
         }
 
 

@@ -26,7 +26,7 @@ from blocks.registry import is_built_in
 from runtime.engine.events import BEFORE, MEMORY, SEARCH
 from runtime.engine.loops import memory_shape
 from runtime.engine.program import Program
-from runtime.engine.solvers import controls
+from runtime.engine.steps import controls
 from runtime.network import Network
 from runtime.plan import Plan
 

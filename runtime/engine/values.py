@@ -29,10 +29,11 @@ from runtime.engine.events import (
     opened,
     proposed,
 )
-from runtime.engine.solvers import ATOL, COUNT, CRAWLED, MAX_CRAWLED, RTOL, STEP
+from runtime.engine.steps import ATOL, COUNT, CRAWLED, MAX_CRAWLED, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network
 from runtime.plan import Call, Integrate
+from runtime.solvers import ADAPTIVE, SOLVERS, listed
 
 # What counts as a number where a float is expected; no array, and no text.
 NUMBERS = (float, int, np.floating, np.integer, np.bool_)
@@ -190,7 +191,9 @@ def bad_slope(part: Integrate, slopes: FloatArray, stage: int, t: float) -> None
             )
 
 
-STIFF = ", or changes much faster than the others (a stiff system, for which there is rodas4)"
+IMPLICIT = listed((name for name in ADAPTIVE if SOLVERS[name].is_implicit), "or")
+EXPLICIT = listed((name for name in ADAPTIVE if not SOLVERS[name].is_implicit), "or")
+STIFF = f", or changes much faster than the others (a stiff system, for which there is {IMPLICIT})"
 JUMPS = "; a derivative that jumps, as sign(x) does, needs a Relay in its place, or a fixed step"
 
 
@@ -203,8 +206,8 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
             f"{solver} crawls at t = {t:g} {part.time_unit}: {control[CRAWLED]:.0f} of "
             f"{control[COUNT]:.0f} steps since the tick, the last of {control[STEP]:.3g} "
             f"{part.time_unit}, move no state by much more than their errors; the derivative of "
-            f"state '{slot.component(column)}' jumps to and fro (a sliding mode): use dopri5 or a "
-            "fixed step, or smooth the jump, as tanh(x/0.001) does for sign(x)",
+            f"state '{slot.component(column)}' jumps to and fro (a sliding mode): use {EXPLICIT} "
+            "or a fixed step, or smooth the jump, as tanh(x/0.001) does for sign(x)",
             slot.block,
         )
     tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
@@ -212,7 +215,7 @@ def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t:
         f"{solver} cannot integrate state '{slot.component(column)}' with {tolerance}: "
         f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} {part.time_unit} "
         f"at t = {t:g} {part.time_unit}; the "
-        f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}{JUMPS}",
+        f"state jumps or runs away{'' if SOLVERS[solver].is_implicit else STIFF}{JUMPS}",
         slot.block,
     )
 

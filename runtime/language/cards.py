@@ -12,7 +12,7 @@ from pathlib import Path
 
 from blocks.core import Param
 from runtime.descriptions import describe_markdown
-from runtime.document import RUN_DOCS, SECTIONS, flow_yaml
+from runtime.document import RUN_KEYS, SECTIONS, flow_yaml
 from runtime.language.addresses import AddressTarget, line_at, target_of
 from runtime.language.cursor import ITEM, steps
 from runtime.language.items import YamlItem, deepest
@@ -65,7 +65,8 @@ def _of_key(model: Model, scope: Scope | None, path: tuple[str, ...], item: Yaml
     if section == "params":
         return _param(model, scope, names[0])
     if section == "run":
-        return f"**{names[0]}**: {RUN_DOCS.get(names[0], 'of the run')}"
+        doc = RUN_KEYS[names[0]].doc if names[0] in RUN_KEYS else "of the run"
+        return f"**{names[0]}**: {doc}"
     if section in ("plots", "metrics") and len(names) == 2:
         return _option(section, names[1], item)
     tables = {"probes": PROBE_KEYS, "inputs": PORT_KEYS, "outputs": OUTPUT_KEYS}

@@ -14,7 +14,7 @@ from runtime.descriptions import describe_markdown, param_row, summary
 from runtime.document import (
     EXAMPLES,
     PART_SECTIONS,
-    RUN_DOCS,
+    RUN_KEYS,
     SECTIONS,
     STOP_DOCS,
 )
@@ -87,7 +87,7 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     elif section in ("plots", "metrics") and len(names) == 1:
         yield from _of_kind(section, _scalar_of(cursor, "kind"))
     elif section == "run" and not names:
-        yield from _key_offers(RUN_DOCS)
+        yield from _key_offers({key: declared.doc for key, declared in RUN_KEYS.items()})
     elif section == "run" and names == ["stop"]:
         yield from _key_offers(STOP_DOCS)
     elif section == "probes" and len(names) == 1:

@@ -14,7 +14,7 @@ from typing import Any
 from blocks.core import TYPES, Block, GraphInput, Param
 from blocks.registry import BUILTIN
 from runtime.descriptions import param_row, summary
-from runtime.document import PART_SECTIONS, RUN_CHOICES, RUN_DOCS, SECTIONS
+from runtime.document import PART_SECTIONS, RUN_KEYS, SECTIONS
 from runtime.experiments.design import KEYS, PLAN_KEYS
 from runtime.language.keys import (
     BLOCK_DOCS,
@@ -94,12 +94,13 @@ def _object(properties: Mapping[str, Schema]) -> Schema:
 
 
 def _run() -> Schema:
-    properties = {}
-    for key, doc in RUN_DOCS.items():
-        choices = RUN_CHOICES.get(key)
-        properties[key] = {"anyOf": [{"enum": list(choices)}, REFERENCE]} if choices else ANY
-        properties[key] = properties[key] | {"description": doc}
-    return _object(properties)
+    return _object(
+        {
+            key: {"anyOf": [dict(declared.form.schema), REFERENCE, {"type": "null"}]}
+            | {"description": declared.doc}
+            for key, declared in RUN_KEYS.items()
+        }
+    )
 
 
 def _probe() -> Schema:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from blocks.core import TYPES, Param, SignalType
-from runtime.document import RUN_CHOICES, SHIPPED, flow_yaml, names_in, shipped_graphs
+from runtime.document import RUN_KEYS, SHIPPED, flow_yaml, names_in, shipped_graphs
 from runtime.experiments.design import CHANGES
 from runtime.language.cursor import ITEM, Cursor
 from runtime.language.keys import type_offers
@@ -64,7 +64,8 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         numbers = TYPES["Scalar"]
         yield from _addresses(outputs_for(model, scope), lambda each: fits(each.type, numbers))
     elif section == "run":
-        yield from offers_of(RUN_CHOICES.get(names[0], ()) if names else (), "value")
+        known = names and names[0] in RUN_KEYS
+        yield from offers_of(RUN_KEYS[names[0]].form.choices if known else (), "value")
         yield from _params(model, scope)
 
 

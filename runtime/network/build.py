@@ -93,7 +93,7 @@ def build(
     before = len(problems.items)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
-    network = Network(title, **vars(run), scope=scope, document=document, world=world)
+    network = Network(title=title, **vars(run), scope=scope, document=document, world=world)
     # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
     kinds = {**(kinds or {}), **written_types(document, problems)}

@@ -21,7 +21,7 @@ from typing import Any
 from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, misspelt
 from blocks.messages import Message, Note
 from blocks.world import World
-from runtime.document import SECOND, Node, Solver, Stop
+from runtime.document import Node, RunSection
 from runtime.errors import Problem, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.components import component_names
@@ -141,16 +141,15 @@ class Wire:
         return f"{self.block}.{self.port}" + ("" if self.term is None else f"[{self.term}]")
 
 
-@dataclass(frozen=True)
-class Network:
+@dataclass(frozen=True, kw_only=True)
+class Network(RunSection):
     """A graph, typed and checked: the source of the plan, the diagram and the probes.
+
+    Its section ``run`` is part of it: ``network.dt``, ``network.seed``.
 
     document : the graph with its ``$params`` filled in; scope : the names in it.
     signal_types : those that the graph's own blocks define, by name.
     notes : what looks wrong but can run.
-    time_unit : what dt, until and all times of its blocks are in.
-    loops : whether an algebraic loop is an "error", or the run has to "solve" it.
-    keep : how much of the recordings is kept, the last part, in ``time_unit``; None for all.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -164,20 +163,8 @@ class Network:
     """
 
     title: str
-    dt: float
-    until: float
-    seed: int
-    engine: str
-    memory: int
-    solver: Solver
-    stop: Stop | None
     scope: Scope
     document: Node
-    states: str = "small"
-    time_unit: str = SECOND
-    events: str = "located"
-    loops: str = "error"
-    keep: float | None = None
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, NetworkEntry] = field(default_factory=dict)

@@ -21,7 +21,7 @@ from blocks.core import Evaluation
 from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
-from runtime.plan.coupling import IMPLICIT, Coupling
+from runtime.plan.coupling import Coupling
 from runtime.plan.located import (
     MOST_EVENTS,
     changing,
@@ -58,6 +58,7 @@ from runtime.plan.values import (
     StateArray,
     Target,
 )
+from runtime.solvers import SOLVERS
 
 
 def make_plan(
@@ -102,7 +103,7 @@ class _Builder:
     def find_events(self) -> None:
         """Which blocks have events between ticks, at which times sources jump, what may change."""
         network, switches = self.network, self.switches
-        adaptive = network.solver.is_adaptive
+        adaptive = SOLVERS[network.solver].is_adaptive
         guarded = {name: directions(network, name, adaptive) for name in network.entries}
         self.directions = {name: found for name, found in guarded.items() if found}
         self.edges = edges_between(network, network.entries)
@@ -132,7 +133,7 @@ class _Builder:
             network.title,
             network.dt,
             network.time_unit,
-            network.solver.name,
+            network.solver,
             tuple(operations),
             self.states,
         )
@@ -238,10 +239,10 @@ class _Builder:
             if spec.projects
         )
         part = Integrate(
-            *(self.row, network.solver.name, tuple(stage), projections),
+            *(self.row, network.solver, tuple(stage), projections),
             time_unit=network.time_unit,
         )
-        if part.solver in IMPLICIT:
+        if SOLVERS[part.solver].is_implicit:
             contexts = {name: network.context(name) for name in specs}
             own = {name: network.entries[name].block.couplings(contexts[name]) for name in specs}
             part = replace(part, coupling=Coupling.of(coupled(self.row, stage, own)))

@@ -30,8 +30,6 @@ from blocks.core import FloatArray
 
 # A set of columns is an int with a bit for each: unions of large sets cost next to nothing.
 Columns = int
-# The solvers that use a Jacobian.
-IMPLICIT = frozenset({"rodas4"})
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import Override, arrays_in, dump_yaml, plain_entries
+from runtime.document import Override, arrays_in, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.errors import raised_text
 from runtime.network import Network
@@ -292,17 +292,7 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
 
 def _resolved_document(graph: PreparedRun, engine: str) -> dict[str, Any]:
     """The document with all entries of its ``run`` section written out."""
-    network = graph.network
-    run: dict[str, Any] = {
-        "dt": network.dt,
-        "until": network.until,
-        "seed": network.seed,
-        "engine": engine,
-    }
-    run |= plain_entries(network)
-    if network.stop is not None:
-        run["stop"] = network.stop.entries()
-    return {**graph.document(), "run": run | network.solver.entries()}
+    return {**graph.document(), "run": graph.network.run_entries() | {"engine": engine}}
 
 
 def _manifest(

@@ -34,7 +34,6 @@ from runtime.engine.compiled.struct import Struct
 from runtime.engine.naming import Names
 from runtime.engine.python_text import CONDITIONS, EARLIER, row
 from runtime.engine.rosenbrock import STRUCTURE
-from runtime.engine.solvers import Method, method_of
 from runtime.plan import (
     Argument,
     Call,
@@ -54,6 +53,7 @@ from runtime.plan import (
     Zero,
     numbers_in,
 )
+from runtime.solvers import Method, method_of
 
 INTEGRATE = -1
 
@@ -311,7 +311,7 @@ class EngineText(SignalText):
                 self.run("substep", self.solvers("control"), "done", "dt", "&h")
                 self.run("keep", self.solvers("start"), self.solvers("states"))
                 self.attempt()
-                self.judge("dt", "done")
+                self.accept(method, "dt", "done")
                 self.operations(part.projections)
         else:
             self.run("keep", self.solvers("start"), self.solvers("states"))
@@ -327,18 +327,18 @@ class EngineText(SignalText):
         """Take a step, which may be too long."""
         self.put("const int64_t refusal = attempt(plan, places, ctx, k, done, h);")
         with self.block("if (refusal)"):
-            self.put("double refused = 0.0;", "const int64_t failure = ctx->failure;")
+            self.put("double rejected = 0.0;", "const int64_t failure = ctx->failure;")
             self.put("ctx->failure = -1;")
             arrays = map(self.solvers, ("states", "start", "control"))
-            self.run("refused", *arrays, "h", "&refused")
-            with self.block("if (refused < 0.0)"):
+            self.run("reject_step", *arrays, "h", "&rejected")
+            with self.block("if (rejected < 0.0)"):
                 self.put("ctx->failure = failure;", "return refusal;")
             self.put(*undo, "continue;")
 
-    def judge(self, end: str, target: str) -> None:
+    def accept(self, method: Method, end: str, target: str) -> None:
         """Accept a step by its estimated error, or go back to its start."""
         arrays = map(self.solvers, ("states", "start", "slopes", "errors", "control"))
-        self.run("judged", *arrays, "done", "h", end, f"&{target}")
+        self.run("accept_step", *arrays, repr(method.exponent), "done", "h", end, f"&{target}")
         self.put(f"if ({target} < 0.0) return {NOT_INTEGRATED};")
 
     def attempts(self, part: Integrate, method: Method) -> None:
@@ -366,7 +366,7 @@ class EngineText(SignalText):
             self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
             given = [states, start, slopes, table, "stage", h]
             given += map(self.solvers, STRUCTURE if method.is_implicit else ())
-            self.run("moved", *given)
+            self.run("move_states", *given)
 
     def located(self, part: Integrate, method: Method) -> None:
         """Integrate in steps that end at edges and events; see ``engine/events.py``."""
@@ -413,7 +413,7 @@ class EngineText(SignalText):
         self.attempt("search[0] = 2.0;")
         with self.block("if (search[0] == 2.0)"):
             self.put("double reached = 0.0;")
-            self.judge("search[2]", "reached")
+            self.accept(method, "search[2]", "reached")
             self.put("if (reached == done) continue;")
 
     def happened(self, part: Integrate, fired: str) -> None:

@@ -1,8 +1,8 @@
 """The functions that a solver calls in compiled code, written from those of the Python engine.
 
 In go the method and the states, out comes a unit of C, once for all graphs alike. ``growth`` of
-``solvers`` becomes ``static double growth(struct context *ctx, double worst)``, so that the length
-of a step has the same bits under both engines.
+``steps`` becomes ``static double growth(struct context *ctx, ...)``, so that the length of a step
+has the same bits under both engines.
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ from runtime.engine.rosenbrock import (
     implicit_loops,
     solve_loops,
 )
-from runtime.engine.solvers import (
+from runtime.engine.steps import (
     CONTROLS,
-    Method,
-    crawled,
-    estimated,
+    accept_step,
+    crawls,
     first_bad,
+    first_step,
     growth,
     has_failed,
-    judged,
     keep,
-    moved,
-    refused,
+    move_states,
+    reject_step,
     substep,
 )
 from runtime.plan import Integrate
+from runtime.solvers import Method
 from runtime.toolchain import TranslationUnit, digest, read_record, write_record
 
 ROWS = ("states", "start")
@@ -124,18 +124,19 @@ def solver_unit(part: Integrate, method: Method) -> SolverUnit:
         moves.append(("colours", row))
         moves.append(("pattern", Array("float", part.coupling.pattern.shape)))
         moves.append(("places", row))
-    name = "implicit_loops" if method.is_implicit else "moved"
-    entries.append(Entry("solver_moved", name, moves))
+    name = "implicit_loops" if method.is_implicit else "move_states"
+    entries.append(Entry("solver_move_states", name, moves))
     functions: list[Any] = [keep, first_bad]
-    functions += IMPLICIT if method.is_implicit else [moved]
+    functions += IMPLICIT if method.is_implicit else [move_states]
     if method.errors:
         taken: list[tuple[str, Type]] = [("control", control), ("done", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_substep", "substep", taken, [FLOAT]))
-        given = [*rows, ("slopes", slopes), ("errors", errors), ("control", control), *numbers]
-        entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
+        given = [*rows, ("slopes", slopes), ("errors", errors), ("control", control)]
+        given += [("exponent", FLOAT), *numbers]
+        entries.append(Entry("solver_accept_step", "accept_step", given, [FLOAT]))
         again: list[tuple[str, Type]] = [*rows, ("control", control), ("h", FLOAT)]
-        entries.append(Entry("solver_refused", "refused", again, [FLOAT]))
-        functions += [substep, growth, estimated, crawled, has_failed, judged, refused]
+        entries.append(Entry("solver_reject_step", "reject_step", again, [FLOAT]))
+        functions += [substep, growth, first_step, crawls, has_failed, accept_step, reject_step]
     if part.ends_steps:
         entries += located(len(part.directions))
         functions += [next_end, opened, proposed, beyond, nearness, met, accept]

@@ -19,9 +19,9 @@ from runtime.engine.rosenbrock import (
     solve,
     solve_loops,
 )
-from runtime.engine.solvers import method_of
 from runtime.plan import make_plan
 from runtime.plan.coupling import Coupling
+from runtime.solvers import method_of
 
 
 def banded(n: int, band: int, seed: int) -> np.ndarray:

@@ -1,135 +1,25 @@
-"""Solvers of the continuous states: Runge-Kutta methods as their coefficients.
+"""The steps of a solver of continuous states: stages, and the control of their length.
 
-In: a method's name. Out: a :class:`Method`, from which the printers of plans take the stages; and
-in go the slopes of a step, out come the states at its end and the length of the next one::
-
-    METHODS["heun"].terms       (((0, 1.0),), ((0, 0.5), (1, 0.5)))
-                                x + h f_0 is where f_1 is computed, x + h (f_0 + f_1) / 2 the end
-
-Functions without a form of NumPy are compiled as they are, so both engines take the same steps.
+In go the states and the slopes of a step, out come the states at its end and the length of the
+next one. Functions without a form of NumPy are compiled as they are, so both engines take the same
+steps. The solvers themselves are declared in ``runtime/solvers.py``.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.engine.rosenbrock import GAMMA, SHIFT, SPARE
-
-
-@dataclass(frozen=True)
-class Method:
-    """An explicit Runge-Kutta method (Hairer, Norsett, Wanner, Solving ODEs I, section II.1), or
-    a linearly implicit one.
-
-    nodes : the time of each stage as a share of the step.
-    rows : how the slopes of the stages so far are weighted to reach the next stage; the last row
-        gives the end of the step. For an implicit method see ``rosenbrock.py``.
-    order : the error of a whole run is proportional to this power of the step.
-    errors : weights of the slopes in the estimated error of a step, or of the last one; none for a
-        fixed step.
-    is_implicit : whether ``rosenbrock.implicit`` moves the states from stage to stage.
-    """
-
-    nodes: tuple[float, ...]
-    rows: tuple[tuple[float, ...], ...]
-    order: int
-    errors: tuple[float, ...] = ()
-    is_implicit: bool = False
-
-    @property
-    def stages(self) -> int:
-        return len(self.nodes)
-
-    def slope_rows(self, size: int) -> int:
-        """The rows of the slopes: one for each stage, and what an implicit method keeps."""
-        return self.stages + (size + SPARE if self.is_implicit else 0)
-
-    @property
-    def terms(self) -> tuple[tuple[tuple[int, float], ...], ...]:
-        """The rows as (stage, weight) where the weight is not zero."""
-        return tuple(tuple((j, w) for j, w in enumerate(row) if w) for row in self.rows)
-
-    @property
-    def table(self) -> FloatArray:
-        """The rows as an array, at least one per stage; the last column holds the nodes."""
-        table = np.zeros((max(self.stages, len(self.rows)), self.stages + 1))
-        for i, row in enumerate(self.rows):
-            table[i, : len(row)] = row
-        table[: self.stages, -1] = self.nodes
-        return table
-
-
-METHODS = {
-    "euler": Method((0.0,), ((1.0,),), 1),
-    "heun": Method((0.0, 1.0), ((1.0,), (0.5, 0.5)), 2),
-    "rk4": Method(
-        (0.0, 0.5, 0.5, 1.0),
-        ((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
-        4,
-    ),
-    # Dormand and Prince, A family of embedded Runge-Kutta formulae (1980): table 2.
-    "dopri5": Method(
-        (0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0),
-        (
-            (1 / 5,),
-            (3 / 40, 9 / 40),
-            (44 / 45, -56 / 15, 32 / 9),
-            (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
-            (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
-            (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-            (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-        ),
-        5,
-        (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
-    ),
-}
-# RODAS (Hairer and Wanner, Solving ODEs II, 1996, section IV.7): for each implicit stage how the
-# increments so far are weighted to reach the next one, how they enter its equation, the weight of
-# the derivative by time there, and its node.
-_FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0)
-_REACH = (
-    (1.544,),
-    (0.9466785280815826, 0.2557011698983284),
-    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
-    _FIFTH[:4],
-    _FIFTH,
-    (*_FIFTH, 1.0),
-)
-_ENTER: tuple[tuple[float, ...], ...] = (
-    (),
-    (-5.6688,),
-    (-2.430093356833875, -0.2063599157091915),
-    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
-    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
-    (
-        *(8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136),
-        -6.058818238834054,
-    ),
-)
-_BY_TIME = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
-_NODES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-
-
-def method_of(name: str, colours: int = 0) -> Method:
-    """The method of a name; an implicit one has a stage for each colour of the Jacobian."""
-    if name in METHODS:
-        return METHODS[name]
-    rows: list[tuple[float, ...]] = [()] * (colours + 1)
-    rows += _REACH
-    rows += [(*row, *[0.0] * (5 - len(row)), d) for row, d in zip(_ENTER, _BY_TIME, strict=True)]
-    nodes = (0.0,) * (colours + 1) + (SHIFT, *_NODES[1:])
-    return Method(nodes, tuple(rows), 4, (1.0,), True)
-
+from runtime.engine.rosenbrock import GAMMA
+from runtime.solvers import SPARE
 
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
 # tolerances, the largest and the smallest step, whether the last step was rejected, the steps
 # since the last tick, how far the first step is estimated (see ``estimated``), the tick's time,
-# the steps since the last tick that hardly move (see ``crawled``).
+# the steps since the last tick that hardly move (see ``crawls``).
 STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT, BEGUN, NOW, CRAWLED = range(10)
 CONTROLS = 10
 # The smallest step as a share of the time itself, which rounds; and where the time is zero.
@@ -140,6 +30,10 @@ MAX_SUBSTEPS = 100_000
 MAX_CRAWLED = 1000
 # The error of a step whose end, or whose estimated error, is not finite, in tolerances.
 INFINITE = 1e300
+# By how much one step can be longer and shorter than the one before.
+LONGEST, SHORTEST = 5.0, 0.2
+# From these ratios on, an estimate of more than that is not exact enough to be taken as it is.
+FAR_LONGER, FAR_SHORTER = 5e-4**-0.2, 1e3**-0.2
 # The first trial step, as a share of the largest: only its slopes are of interest.
 TRIAL = 1e-8
 
@@ -188,7 +82,7 @@ def first_bad(slopes: FloatArray, stage: int) -> int:
     return -1
 
 
-def moved(
+def move_states(
     states: FloatArray,
     start: FloatArray,
     slopes: FloatArray,
@@ -217,7 +111,7 @@ def substep(control: FloatArray, done: float, dt: float) -> float:
     return float(left / (int(left / step - 1e-9) + 1))
 
 
-def refused(states: FloatArray, start: FloatArray, control: FloatArray, h: float) -> float:
+def reject_step(states: FloatArray, start: FloatArray, control: FloatArray, h: float) -> float:
     """Go back to the start of a step of which a stage is not finite; the next one is shorter.
 
     Returns 0; -1 if no step is short enough, so that the failure is that of the run.
@@ -230,12 +124,13 @@ def refused(states: FloatArray, start: FloatArray, control: FloatArray, h: float
     return -1.0 if has_failed(control) else 0.0
 
 
-def judged(
+def accept_step(
     states: FloatArray,
     start: FloatArray,
     slopes: FloatArray,
     errors: FloatArray,
     control: FloatArray,
+    exponent: float,
     done: float,
     h: float,
     dt: float,
@@ -258,16 +153,16 @@ def judged(
         if ratio > worst:
             worst, column = ratio, i
     control[COUNT] += 1.0
-    following = h * growth(worst)
+    following = h * growth(worst, exponent)
     if worst <= 1.0:
         if control[REJECTED] > 0.0:
             following = min(following, h)
             control[BEGUN] = 2.0
         elif control[BEGUN] < 2.0:
-            estimate = estimated(states, start, slopes, errors, control, h)
+            estimate = first_step(states, start, slopes, errors, control, exponent, h)
             following = max(estimate, control[SMALLEST])
         control[REJECTED] = 0.0
-        control[CRAWLED] += crawled(states, start, errors, control, worst)
+        control[CRAWLED] += crawls(states, start, errors, control, worst)
         done += h
         if dt - done <= 1e-12 * dt:
             done = dt
@@ -285,7 +180,7 @@ def has_failed(control: FloatArray) -> bool:
     return bool(is_short or control[COUNT] > MAX_SUBSTEPS or control[CRAWLED] > MAX_CRAWLED)
 
 
-def crawled(
+def crawls(
     states: FloatArray, start: FloatArray, errors: FloatArray, control: FloatArray, worst: float
 ) -> float:
     """1 for a step that its error keeps short, and that moves no state by ten such errors; or 0.
@@ -301,19 +196,23 @@ def crawled(
     return 1.0 if worst > 0.01 and far < 10.0 * worst else 0.0
 
 
-def growth(worst: float) -> float:
-    """By how much the next step is longer after an error in tolerances."""
-    if worst <= 5e-4:
-        return 5.0
-    return min(5.0, max(0.2, 0.9 * worst**-0.2)) if worst < 1e3 else 0.2
+def growth(worst: float, exponent: float) -> float:
+    """By how much the next step is longer after an error in tolerances; see ``Method.exponent``."""
+    if worst <= 1e-250:
+        return LONGEST
+    ratio = worst**-exponent
+    if ratio >= FAR_LONGER:
+        return LONGEST
+    return min(LONGEST, max(SHORTEST, 0.9 * ratio)) if ratio > FAR_SHORTER else SHORTEST
 
 
-def estimated(
+def first_step(
     states: FloatArray,
     start: FloatArray,
     slopes: FloatArray,
     errors: FloatArray,
     control: FloatArray,
+    exponent: float,
     h: float,
 ) -> float:
     """The next one of the first steps of a run (Hairer, Norsett, Wanner I, section II.4).
@@ -339,4 +238,4 @@ def estimated(
     worst = max(speed, bend)
     if worst <= 1e-15:
         return float(max(1e-3 * control[LARGEST], 1e-3 * h))
-    return float(min(100.0 * h, (0.01 / worst) ** 0.2))
+    return float(min(100.0 * h, (0.01 / worst) ** exponent))
