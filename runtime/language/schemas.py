@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from blocks.core import TYPES, Block, GraphInput, Param
+from blocks.core import TYPES, Block, GraphInput, Param, Variant
 from blocks.registry import BUILTIN
 from runtime.descriptions import param_row, summary
 from runtime.document import PART_SECTIONS, RUN_KEYS, SECTIONS
@@ -21,7 +21,7 @@ from runtime.language.keys import (
     COMMON_DOCS,
     WORLD_KEYS,
 )
-from runtime.language.settings import members_of, root_of
+from runtime.language.settings import root_of
 from runtime.network import BLOCK_KEYS, GraphOutput
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
@@ -60,7 +60,7 @@ def json_schema() -> Schema:
         "type": "object",
         "properties": sections,
         "additionalProperties": False,
-        "definitions": {"block": _block(), "wires": _wires()},
+        "definitions": {"block": _block(), "wires": _wires()} | _families(),
     }
 
 
@@ -137,15 +137,52 @@ def _block() -> Schema:
 
 def _type_branch(name: str, cls: type[Block]) -> Schema:
     """The parameters of a block, if it is of a type of the library."""
-    condition = {
-        "properties": {"type": {"const": name}},
-        "required": ["type"],
-        "not": {"required": ["module"]},
-    }
     inside = dict.fromkeys(BLOCK_KEYS, ANY)
     inside |= {key: param_schema(key, param) for key, param in cls.spec.params.items()}
-    then = _object(inside) | {"description": summary(cls)}
+    return _branch("type", name, _object(inside) | {"description": summary(cls)})
+
+
+def _branch(key: str, name: str, then: Schema) -> Schema:
+    """What holds of a mapping whose ``key`` names one of ours, and no file of a class."""
+    condition: Schema = {
+        "properties": {key: {"const": name}},
+        "required": [key],
+        "not": {"required": ["module"]},
+    }
     return {"if": condition, "then": then}
+
+
+def _families() -> dict[str, Schema]:
+    """The families of settings that parameters take, also those of their members' parameters."""
+    found: dict[str, Schema] = {}
+    waiting = [param for cls in BUILTIN.values() for param in cls.spec.params.values()]
+    while waiting:
+        root = root_of(waiting.pop())
+        if root is not None and root.__name__ not in found:
+            found[root.__name__] = _family(root)
+            waiting += [each for m in root.members.values() for each in m.declared.values()]
+    return dict(sorted(found.items()))
+
+
+def _family(root: type[Variant]) -> Schema:
+    """A mapping whose first key names one of several classes: the parameters of that class."""
+    ours: Schema = {"enum": list(root.members)}
+    other: Schema = {"type": "string", "description": "one of your own, or of a package"}
+    branches, every = [], {root.key}
+    for name, member in root.members.items():
+        inside = {key: param_schema(key, param) for key, param in member.declared.items()}
+        branches.append(_branch(root.key, name, _object({root.key: ANY} | inside)))
+        every |= inside.keys()
+    # An entry that ``extends`` changes need not repeat the name.
+    unnamed = {
+        "if": {"not": {"required": [root.key]}},
+        "then": _object(dict.fromkeys(sorted(every), ANY)),
+    }
+    return {
+        "type": "object",
+        "properties": {root.key: {"anyOf": [ours, other]} if root.members.name else ours},
+        "allOf": [*branches, unnamed],
+    }
 
 
 def _kinds(kinds: Mapping[str, Any]) -> Schema:
@@ -159,12 +196,7 @@ def _kinds(kinds: Mapping[str, Any]) -> Schema:
             key: param_schema(key, options[key]) if key in options else common.get(key, ANY)
             for key in ("kind", *kind.keys, "module")
         }
-        condition = {
-            "properties": {"kind": {"const": name}},
-            "required": ["kind"],
-            "not": {"required": ["module"]},
-        }
-        branches.append({"if": condition, "then": _object(inside)})
+        branches.append(_branch("kind", name, _object(inside)))
     ours: Schema = {"properties": {"kind": {"anyOf": names}}}
     own: Schema = {"required": ["module"]}
     return {
@@ -213,22 +245,15 @@ def _forms(param: Param) -> Iterable[Schema]:
 
 
 def _setting_forms(param: Param) -> list[Schema]:
-    """A string, a number or a list, and a mapping whose first key names one of several classes."""
-    members = members_of(param)
+    """A name or a number, or a mapping of the family; several of them for rules of learning."""
     root = root_of(param)
     if root is None:
         return [ANY]
-    keys = {name for member in members.values() for name in member.declared}
-    ours: Schema = {"enum": list(members)}
-    inside = dict.fromkeys(sorted(keys), ANY) | {root.key: ours}
-    forms = [{"type": ["string", "number"]}, _object(inside)]
-    if getattr(root, "together", None) is not None:  # several rules of learning
-        forms.append({"type": "array"})
-    if root.members.name:  # one of a file, or of a package: its parameters are unknown
-        forms.append({"type": "object", "required": ["module"]})
-        other = {root.key: {"not": ours}}
-        forms.append({"type": "object", "properties": other, "required": [root.key]})
-    return forms
+    family = {"$ref": f"#/definitions/{root.__name__}"}
+    one: list[Schema] = [{"type": ["string", "number"]}, family]
+    if getattr(root, "together", None) is None:
+        return one
+    return [*one, {"type": "array", "items": {"anyOf": one}}]
 
 
 def _bounds(param: Param) -> Schema:

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from blocks import NeuronModel
 from docs.describe import schema_file
-from runtime.document import parse_yaml
+from runtime.document import dump_yaml, parse_yaml
 from runtime.language import json_schema
 from tests.conftest import Run
 from tests.runtime.language.texts import CASE_C, GRAPHS
@@ -95,21 +96,21 @@ def test_shipped_files_are_valid_and_name_their_schema(path: Path, schema: dict[
     assert (path.parent / header[1]).resolve() == GRAPHS / "schema.json"
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("graph: wall", "grahp: wall"),
-        ("seed: 0", "sed: 0"),
-        ("q: [10", "Q: [10"),
-        ("omega_max: 1.5", "omega_max: -1.5"),
-        ("omega_max: 1.5", "omega_max: fast"),
-        ("fit: control_points", "fit: nothing"),
-        ("kind: map", "kind: mop"),
-        ("    engaged: explore.engaged\n    distance: $d\n    title", "    engagde: x\n    title"),
-        ("of: plant.pose, every: 50", "of: plant.pose, evry: 50"),
-        ("wires:\n", "wires: 3\nx:\n"),
-    ],
+MISTAKES = (
+    ("graph: wall", "grahp: wall"),
+    ("seed: 0", "sed: 0"),
+    ("q: [10", "Q: [10"),
+    ("omega_max: 1.5", "omega_max: -1.5"),
+    ("omega_max: 1.5", "omega_max: fast"),
+    ("fit: control_points", "fit: nothing"),
+    ("kind: map", "kind: mop"),
+    ("    engaged: explore.engaged\n    distance: $d\n    title", "    engagde: x\n    title"),
+    ("of: plant.pose, every: 50", "of: plant.pose, evry: 50"),
+    ("wires:\n", "wires: 3\nx:\n"),
 )
+
+
+@pytest.mark.parametrize(("old", "new"), MISTAKES)
 def test_mistakes_are_not_valid(old: str, new: str) -> None:
     text = CASE_C.read_text(encoding="utf-8")
     assert old in text
@@ -154,3 +155,36 @@ def test_neuron_models_of_files_and_packages_are_accepted() -> None:
     assert checked(text.format("{type: offered, tau: 1}"))
     assert checked(text.format("{type: LIF, tau_rc: 0.01}"))
     assert not checked(text.format("{type: LIF, tau: 1}"))
+
+
+def test_each_member_of_a_family_has_its_own_parameters() -> None:
+    """Whatever the schema accepts of a member's parameters, the member accepts, and no others."""
+    members = NeuronModel.members.values()
+    values = {key: each.default for other in members for key, each in other.declared.items()}
+    for name, member in NeuronModel.members.items():
+        for key, value in values.items():
+            written = {"type": name, key: value}
+            graph = {"blocks": {"a": {"type": "Ensemble", "neurons": 9, "neuron": written}}}
+            assert checked(dump_yaml(graph)) == (key in member.declared), written
+    text = "blocks: {{a: {{type: Ensemble, neurons: 9, neuron: {}}}}}"
+    assert checked(text.format("{tau_rc: 0.01}"))  # an entry that is merged into another one
+    assert not checked(text.format("{type: LIF, tau_rc: -1}"))
+    rule = "blocks: {{d: {{type: Decoder, learning: {}}}}}"
+    assert checked(rule.format("{rule: pes, learning_rate: 1e-4}"))
+    assert not checked(rule.format("{rule: pes, alpha: 1e-4}"))
+
+
+def test_our_walk_agrees_with_jsonschema(schema: dict[str, Any]) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft7Validator(schema)
+    validator.check_schema(schema)
+    whole = CASE_C.read_text(encoding="utf-8")
+    texts = [whole, *(whole.replace(old, new, 1) for old, new in MISTAKES)]
+    texts += [
+        f"blocks: {{a: {{type: Ensemble, neurons: 9, neuron: {{type: {name}, {key}: 0.5}}}}}}"
+        for name in NeuronModel.members
+        for key in ("tau_rc", "inc_n", "amplitude", "spikes")
+    ]
+    for text in texts:
+        value = parse_yaml(text, "x").plain()
+        assert validator.is_valid(value) == is_valid(schema, value, schema), text
