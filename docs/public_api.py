@@ -27,6 +27,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
         *("MetricKind", "MetricOptions", "NumberOptions", "PlotKind", "Recording", "RunData"),
         "Series",
     ),
+    "runtime.graph": ("BlockInfo", "WireInfo"),
     "runtime.diagrams": ("DiagramFormat",),
     "runtime.export": ("ExportTarget", "Exported", "export"),
     "runtime.arguments": ("add_json", "add_output", "at_least", "integer"),

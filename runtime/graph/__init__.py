@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from runtime.graph.checked import BlockInfo, WireInfo
     from runtime.graph.content import Content, Examination, examine
     from runtime.graph.graph import Graph
     from runtime.graph.loading import load

@@ -27,6 +27,7 @@ from runtime.document import (
     set_wire,
 )
 from runtime.errors import GraphError, MissingExtraError, Where
+from runtime.graph.checked import BlockInfo, WireInfo, blocks_of, types_of, wires_of
 from runtime.graph.content import CheckedGraph, Content, check_content
 from runtime.graph.running import Runnable
 from runtime.network import Network, discretize, is_variadic, replace_block
@@ -151,6 +152,21 @@ class Graph(Runnable):
         """
         self.program()
         return self
+
+    @cached_property
+    def blocks(self) -> Mapping[str, BlockInfo]:
+        """The blocks of the checked graph by name, with parts expanded; raises as :meth:`check`."""
+        return blocks_of(self.network)
+
+    @cached_property
+    def wires(self) -> tuple[WireInfo, ...]:
+        """The wires into blocks of the checked graph; raises as :meth:`check`."""
+        return wires_of(self.network)
+
+    @cached_property
+    def types(self) -> Mapping[str, SignalType]:
+        """The signal type of each port, by ``block.port``; raises as :meth:`check`."""
+        return types_of(self.network)
 
     @property
     def names(self) -> list[str]:
