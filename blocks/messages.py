@@ -48,6 +48,7 @@ KINDS = {
     "not-wired": "a block that moves though nothing is wired to it",
     "not-used": "an entry without effect",
     "short-pulse": "a pulse that is shorter than a tick",
+    "passes-walls": "a body that nothing stops or measures at the walls of the world",
     "block-note": "what a block says of its place in the graph",
     "not-recorded": "a signal of a block that is removed",
     "starts-anew": "a block that does not begin from the states of an earlier run",

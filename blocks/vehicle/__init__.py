@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
+    from blocks.vehicle.body import Contact
     from blocks.vehicle.differential_drive import INTEGRATORS, DifferentialDrive
     from blocks.vehicle.disturbances import (
         ActuatorDelay,
@@ -31,6 +32,7 @@ __all__ = [
     "ActuatorFault",
     "ActuatorLag",
     "Bicycle",
+    "Contact",
     "DifferentialDrive",
     "Explorer",
     "PoseNoise",

@@ -1,14 +1,20 @@
-"""A round body that slides along surfaces and never passes through them."""
+"""A body and the surfaces of the world: a round one slides along them, any one may touch them.
+
+x, y, gap = slide(world, x, y, gap, dx, dy, radius)    # a step of a robot
+x, y = free_place(surfaces, x, y, radius)              # out of what a solver stepped into
+"""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-from blocks.world import TOUCH, nearest
+from blocks.core import BlockContext, ParameterError
+from blocks.messages import Message
+from blocks.world import TOUCH, misplaced, nearest, nearest_kernel, world_of
 
 if TYPE_CHECKING:
-    from blocks.world import World
+    from blocks.world import Surfaces, World
 
 # How deep (m) a body may be in a surface after sliding: rounding.
 DEPTH = 1e-11
@@ -76,3 +82,33 @@ def _free_position(
         to_x += depth * nx
         to_y += depth * ny
     return None
+
+
+def free_place(surfaces: Surfaces, x: float, y: float, radius: float) -> tuple[float, float]:
+    """The place next to (x, y) where a round body is in no surface; (x, y) if there is room.
+
+    A body in a passage that is narrower than itself is left where it is after the last push.
+    """
+    for _ in range(PUSHES):
+        distance, nx, ny = nearest_kernel(surfaces, x, y)
+        if distance >= radius - DEPTH:
+            break
+        x += (radius - distance) * nx
+        y += (radius - distance) * ny
+    return x, y
+
+
+def check_body(context: BlockContext, x0: tuple[float, float], radius: float) -> None:
+    """Check that a graph has a world in which a round body fits where it starts.
+
+    Raises
+    ------
+    ParameterError : it does not.
+    """
+    world = world_of(context)
+    if world is None:
+        message = "a body needs a world, but the graph has no world: section"
+        raise ParameterError([("body_radius", Message(message, "missing-world"))])
+    message = misplaced(world, "body", x0[0], x0[1], radius)
+    if message:
+        raise ParameterError([("x0", message)])

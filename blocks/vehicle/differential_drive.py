@@ -18,7 +18,6 @@ from blocks.core import (
     FloatArray,
     Input,
     Output,
-    ParameterError,
     Pose,
     PoseValue,
     Scalar,
@@ -29,9 +28,8 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.messages import Message
-from blocks.vehicle.contact import slide
-from blocks.world import TOUCH, Surfaces, World, misplaced, nearest, world_of
+from blocks.vehicle.contact import check_body, slide
+from blocks.world import TOUCH, Surfaces, World, nearest, world_of
 
 # The distance (m) reported where there is nothing: signals are finite.
 NOTHING_NEAR = 1000.0
@@ -108,16 +106,9 @@ class DifferentialDrive(Block):
     gap = State(1, unit="m", doc="the clearance at the next tick")
 
     def validate_in(self, context: BlockContext) -> None:
-        if self.body_radius == 0.0:
-            return
-        world = world_of(context)
-        if world is None:
-            message = "a body needs a world, but the graph has no world: section"
-            raise ParameterError([("body_radius", Message(message, "missing-world"))])
-        x, y, _ = self.x0.tolist()
-        message = misplaced(world, "body", x, y, self.body_radius)
-        if message:
-            raise ParameterError([("x0", message)])
+        if self.body_radius:
+            x, y, _ = self.x0.tolist()
+            check_body(context, (x, y), self.body_radius)
 
     def start(self, state: BlockState) -> None:
         state.pose_state[:] = self.x0

@@ -1,10 +1,8 @@
-"""Vehicles on a plane as differential equations, without slip and without a body.
+"""Vehicles on a plane as differential equations, without slip.
 
-Speeds and steering go in, the pose comes out; the run's solver integrates between ticks. For a body
-that walls stop, see DifferentialDrive: a contact acts on positions, which only a step of its own
-can correct::
+Speeds and steering go in, the pose comes out; the run's solver integrates between ticks::
 
-    car: {type: Bicycle, wheel_base: 2.7, x0: [0, 0, 0]}
+    car: {type: Bicycle, wheel_base: 2.7, x0: [0, 0, 0], body_radius: 1.2}
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ import numpy as np
 
 from blocks.core import (
     Block,
+    BlockContext,
     BlockState,
     FloatArray,
     Input,
@@ -28,15 +27,39 @@ from blocks.core import (
     TwistValue,
     param,
 )
+from blocks.vehicle.contact import check_body, free_place
+from blocks.world import world_of
 
 
 class _ContinuousVehicle(Block, ABC):
     pose = Output(Pose, doc="position and heading; the heading is not wrapped")
 
     x0: FloatArray = param([0.0, 0.0, 0.0], unit="m, m, rad", shape=(3,), doc="pose at the start")
+    body_radius: float = param(
+        0.0,
+        unit="m",
+        at_least=0.0,
+        doc="radius of a body about the pose that the world stops; 0: no body",
+    )
+
+    def validate_in(self, context: BlockContext) -> None:
+        if self.body_radius:
+            x, y, _ = self.x0.tolist()
+            check_body(context, (x, y), self.body_radius)
 
     def start(self, state: BlockState) -> None:
         state.x[:] = self.x0
+        world = world_of(state.context)
+        state.surfaces = None if world is None else world.arrays
+
+    def hold_back(self, state: BlockState) -> None:
+        """Move a body out of the surfaces that the last step of the solver ended in."""
+        # A step of the solver ends at most its own length inside a surface. Pushing the body out
+        # along the normal leaves the tangential part of the motion, as a wall without friction.
+        if self.body_radius > 0.0 and state.surfaces is not None:
+            x, y = float(state.x[0]), float(state.x[1])
+            x, y = free_place(state.surfaces, x, y, self.body_radius)
+            state.x[0], state.x[1] = x, y
 
     def output(self, state: BlockState, t: float) -> PoseValue:
         return float(state.x[0]), float(state.x[1]), float(state.x[2])
@@ -65,6 +88,9 @@ class Unicycle(_ContinuousVehicle):
 
     def derivative(self, state: BlockState, t: float, command: TwistValue) -> FloatArray:
         return self.pose_rates(state, command[0], command[1])
+
+    def project(self, state: BlockState) -> None:
+        self.hold_back(state)
 
 
 class Bicycle(_ContinuousVehicle):
@@ -102,3 +128,6 @@ class Bicycle(_ContinuousVehicle):
         speed = max(-self.v_max, min(self.v_max, v))
         delta = max(-self.steering_max, min(self.steering_max, steering))
         return self.pose_rates(state, speed, speed * math.tan(delta) / self.wheel_base)
+
+    def project(self, state: BlockState) -> None:
+        self.hold_back(state)

@@ -8,7 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from blocks.world.lidar import Lidar, bearings, window_problems
-    from blocks.world.surfaces import TOUCH, Surfaces, nearest
+    from blocks.world.surfaces import TOUCH, Surfaces, nearest, nearest_kernel
     from blocks.world.world import World, misplaced, required_world, world_of
 else:
     __getattr__ = door(__name__)
@@ -21,6 +21,7 @@ __all__ = [
     "bearings",
     "misplaced",
     "nearest",
+    "nearest_kernel",
     "required_world",
     "window_problems",
     "world_of",

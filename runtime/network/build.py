@@ -36,7 +36,7 @@ from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.contexts import check_contexts, failure_text
 from runtime.network.defaults import with_defaults
-from runtime.network.edges import edge_notes
+from runtime.network.edges import contact_notes, edge_notes
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -137,7 +137,8 @@ def _check(
     missing = check_contexts(network, problems) if can_run else None
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
     if can_run and not problems.items:
-        network = network.changed(notes=(*network.notes, *rate_notes(network)))
+        more = (*rate_notes(network), *contact_notes(network))
+        network = network.changed(notes=(*network.notes, *more))
     return network, extra
 
 

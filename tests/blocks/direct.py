@@ -19,6 +19,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "MatrixMultiply": {"rows": 2, "inner": 3},
     "WaypointPath": {"points": [[0, 0], [1, 0], [1, 1], [0, 1]]},
     "Constant": {"value": 1.0},
+    "Contact": {"body": 0.2},
     "Gain": {"gain": 2.0},
     "Lowpass": {"tau": 0.1},
     "Weights": {"weights": [[1.0, -2.0, 0.5], [0.5, 0.1, 0.2], [0.0, 0.0, 1.0]]},

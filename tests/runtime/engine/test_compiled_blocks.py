@@ -37,7 +37,7 @@ from runtime.checking.check import context_for
 from runtime.compiler.fields import NotCompilableError
 from runtime.compiler.translate import Translated, translate
 from tests.blocks.direct import PUSH, REQUIRED
-from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
+from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, worlds
 from tests.compilers import needs_compiler
 from tests.examples import examples
 from tests.runtime.engine.compiled_block import CompiledBlock
@@ -560,7 +560,14 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "Unicycle": [Case(blocks.Unicycle(), free=("x",))],
-    "Bicycle": [Case(blocks.Bicycle(v_max=1.0), free=("x",))],
+    "Bicycle": [
+        Case(blocks.Bicycle(v_max=1.0), free=("x",)),
+        Case(blocks.Bicycle(body_radius=0.3), free=("x",), world=World({"room": SQUARE})),
+    ],
+    "Contact": [
+        Case(blocks.Contact(body=0.2), world=World(OVERLAPPING)),
+        Case(blocks.Contact(body=[[-1, -1], [1, -1], [1, 1]]), world=World(OVERLAPPING)),
+    ],
     "Pendulum": [Case(blocks.Pendulum(damping=0.1), free=("x",))],
     "CartPole": [Case(blocks.CartPole(friction=0.1), free=("x",))],
     "MassSpringDamper": [Case(blocks.MassSpringDamper(damping=0.1), free=("x",))],
