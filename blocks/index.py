@@ -196,6 +196,7 @@ OTHERS = {
     "window_problems": "world.lidar",
     "world_of": "world.world",
     "INTEGRATORS": "vehicle.differential_drive",
+    "Table": "sources.time_tables",
     "added": "generic.arithmetic",
     "scaled": "generic.arithmetic",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import json
 import re
 import subprocess
@@ -215,7 +216,8 @@ def index_file() -> str:
         for name in door.__all__ if room else (n for n in homes if homes[n] == "blocks.core"):
             value = getattr(door, name)
             line = f'    "{name}": "{homes[name].removeprefix("blocks.")}",\n'
-            if room and isinstance(value, type) and issubclass(value, Block):
+            is_type = isinstance(value, type) and issubclass(value, Block)
+            if room and is_type and not inspect.isabstract(value):
                 types += line
             else:
                 others += line

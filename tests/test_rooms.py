@@ -62,7 +62,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("spikeblocks",),
     (
         *("spikeblocks.fmu", "spikeblocks.gym", "spikeblocks.lsp", "spikeblocks.mujoco"),
-        *("spikeblocks.nengo", "spikeblocks.page"),
+        *("spikeblocks.nengo", "spikeblocks.page", "spikeblocks.robot"),
     ),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )

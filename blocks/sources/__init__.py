@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from blocks.sources.flight_paths import Lemniscate, MinimumSnap
     from blocks.sources.noise import PinkNoise, RandomWalk, WhiteNoise, WhiteSignal
     from blocks.sources.recorded import FromFile
-    from blocks.sources.time_tables import Piecewise
+    from blocks.sources.time_tables import Piecewise, Table
     from blocks.sources.trials import Trials, Vocabulary
     from blocks.sources.waveforms import Chirp, Clock, Pulse, Ramp, Sine, Step
     from blocks.sources.wind import DrydenWind
@@ -30,4 +30,4 @@ __all__ = [
     "RandomWalk",
     "Sine",
 ]
-__all__ += ["PinkNoise", "Step", "Trials", "Vocabulary", "WhiteNoise", "WhiteSignal"]
+__all__ += ["PinkNoise", "Step", "Table", "Trials", "Vocabulary", "WhiteNoise", "WhiteSignal"]

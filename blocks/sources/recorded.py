@@ -56,6 +56,12 @@ class FromFile(Table):
     time: str | None = param(
         None, doc="the column of the times (s), in ascending order; default time, t or the first"
     )
+    begin: str = param(
+        "file",
+        name="start",
+        choices=("file", "first"),
+        doc="what is time 0: that of the file's times, or its first row",
+    )
     method: str = param("linear", choices=METHODS, doc="what lies between two rows")
     outside: str = param(
         "error",
@@ -118,7 +124,8 @@ class FromFile(Table):
         # Whether a type has infinite values is known once the type is: `check_type`.
         _refuse(~np.isfinite(columns[times]), columns[times], [times])
         _refuse(np.isnan(table), table, names)
-        return columns[times].copy(), table[:, 0] if table.shape[1] == 1 else table
+        start = columns[times][0] if self.begin == "first" else 0.0
+        return columns[times] - start, table[:, 0] if table.shape[1] == 1 else table
 
     def _is_needed(self, name: str) -> bool:
         """Whether an array of a file with many can be one of the columns, or the times."""

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     )
     from runtime.runs.linearization import Linearization, linearize
     from runtime.runs.operating_point import output_at
-    from runtime.runs.pacing import OVERRUNS, Pacing, pacing_text
+    from runtime.runs.pacing import OVERRUNS, UNITS, Pacing, pacing_text
     from runtime.runs.result import Result, open_run
     from runtime.runs.simulation import (
         PreparedRun,

@@ -13,6 +13,7 @@ from blocks import Block, BlockContext, BlockState, SignalType
 # A description alone: it can be read and checked, and has no binary.
 FMU = Path(__file__).parents[1] / "bridges" / "fmu" / "description.fmu"
 PUSH = Path(__file__).parents[2] / "graphs" / "gallery" / "recorded_push.csv"
+BAG = Path(__file__).parents[2] / "examples" / "robot" / "log.mcap"
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.
 REQUIRED: dict[str, dict[str, Any]] = {
@@ -68,6 +69,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "DiscreteTransferFunction": {"numerator": [1], "denominator": [2, -1]},
     "FMU": {"file": str(FMU)},
     "ModelExchangeFMU": {"file": str(FMU)},
+    "FromBag": {"file": str(BAG), "topic": "/cmd_vel"},
     "FromFile": {"file": str(PUSH), "outside": "hold"},
     "Function": {"expression": "sin(u[0]) + t"},
     "LookupTable": {"x": [-1, 0, 1], "y": [1, 0, 1]},

@@ -11,6 +11,7 @@ import pytest
 from scipy import integrate, interpolate
 
 import runtime
+from blocks import FromFile
 from runtime.cli import run
 from runtime.errors import GraphError
 from runtime.graph import Graph
@@ -294,3 +295,9 @@ def test_the_numbers_of_an_archive_are_counted_before_it_is_unpacked(tmp_path: P
     assert graph.run()["out"][-1] == pytest.approx(1.95)
     with pytest.raises(GraphError, match="4,000,000 numbers; name fewer columns"):
         graph_of(tmp_path, file="data.npz").check()
+
+
+def test_times_since_the_epoch_begin_with_the_first_row(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,u\n1700000000,1\n1700000001,3\n1700000002,2\n")
+    block = FromFile(file=str(tmp_path / "log.csv"), start="first")
+    assert block.rows[0].tolist() == [0.0, 1.0, 2.0]
