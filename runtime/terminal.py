@@ -147,6 +147,7 @@ class Progress:
         self.began = time.monotonic()
         self.before = 0
         self.workers = 0  # that share the work, shown if there are any
+        self._last: tuple[int, int, str] | None = None
 
     def resume(self, done: int) -> None:
         """Restart the clock; ``done`` steps were done before."""
@@ -156,6 +157,7 @@ class Progress:
         """Draw the bar, and a note in the line below it."""
         if not self.active:
             return
+        self._last = done, total, note
         spent = time.monotonic() - self.began
         full = WIDTH * done // total
         bar = "█" * full + "░" * (WIDTH - full)
@@ -171,6 +173,11 @@ class Progress:
         # draws over both; \033[K erases what is left of a longer line.
         below = f"\n{printable(note)[:columns]}\033[K\033[A" if note else ""
         self._draw(f"\r{text[:columns]}\033[K{below}")
+
+    def redraw(self) -> None:
+        """Draw the bar again, with the time that is left now."""
+        if self._last is not None:
+            self(*self._last)
 
     def close(self) -> None:
         """Erase the bar and the note."""

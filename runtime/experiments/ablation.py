@@ -10,7 +10,6 @@ metric and variant, and ``ablation.json``::
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -32,29 +31,17 @@ from runtime.experiments.analysis import (
 from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
     DIAGRAMS,
-    INDEX,
-    RUNS,
     TABLE,
     ExperimentPlan,
-    Index,
     Row,
     RunOptions,
-    Start,
-    Task,
-    Trial,
-    TrialResult,
+    Study,
     VariantBundle,
-    open_folder,
-    remaining,
-    run_all,
-    save_series,
-    save_trial,
+    VariantRetention,
     write_checked,
 )
 from runtime.files import own_folder, system_errors, write_whole
 from runtime.terminal import Progress
-
-SAVED_STATUSES = ("ok", "failed", "timeout")
 
 
 @dataclass
@@ -156,51 +143,21 @@ def run_ablation(
 
     Raises
     ------
-    UsageError : as for :func:`open_folder`.
+    UsageError : as for :class:`Study`.
     """
-    folder = options.folder
-    open_folder(plan, options)
-    with closing(Index(folder / INDEX, plan.columns, options.again)) as index:
-        finished = _run(plan, options, index, progress)
-        rows: dict[str, list[Row]] = {variant.name: [] for variant in plan.variants}
-        for row in sorted(index.rows(), key=lambda row: row.trial):
+    rows: dict[str, list[Row]] = {variant.name: [] for variant in plan.variants}
+    with Study(plan, options, progress, VariantRetention(plan, options)) as study:
+        for row in study.all_rows():
             rows[row.cells[0]].append(row)
-    done = AblationResult(plan, folder, test, rows, not finished)
-    if finished:
-        options.finish()
+            study.show(row.cells[0])
+    for own in rows.values():
+        own.sort(key=lambda row: row.trial)
+    folder = options.folder
+    done = AblationResult(plan, folder, test, rows, study.is_interrupted)
+    if not done.is_interrupted:
         write_checked(folder / TABLE, done.to_dict())
         _draw_diagrams(plan, folder)
     return done
-
-
-def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Progress) -> bool:
-    """Run the trials that have no row yet; False if Ctrl-C interrupted them."""
-    first = next(iter(plan.seeds))
-    slugs = {variant.name: variant.slug for variant in plan.variants}
-    trials = remaining(index, plan.trials())
-    finished = sum(1 for _ in index.rows())
-    if finished == plan.total:
-        return True
-    progress.resume(finished)
-    start = Start(plan, options, finished > 0)
-
-    def task(trial: Trial) -> Task:
-        # The settings of a variant would all have the same folder: the first one is kept.
-        if trial.seed == first and trial.configuration.number % len(plan.design) == 0:
-            shown = {"record": "trajectory", "keep": SAVED_STATUSES}
-            return options.task(trial, signals=plan.signals, **shown)
-        return options.task(trial, signals=plan.signals)
-
-    def record(trial: Trial, result: TrialResult) -> None:
-        nonlocal finished
-        name = trial.configuration.cells[0]
-        save_trial(trial, result, options.folder / RUNS / slugs[name])
-        save_series(result, options.folder, trial.number)
-        index.append(Row.of(trial, result, plan.metrics))
-        finished += 1
-        progress(finished, plan.total, name)
-
-    return run_all(trials, start, task, record, progress)
 
 
 def _draw_diagrams(plan: ExperimentPlan, folder: Path) -> None:

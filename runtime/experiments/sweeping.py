@@ -9,8 +9,6 @@ the trials that have no row::
 
 from __future__ import annotations
 
-import time
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,19 +22,11 @@ from runtime.experiments.analysis import (
     mean_of,
 )
 from runtime.experiments.execution import (
-    INDEX,
     SUMMARY,
     ExperimentPlan,
-    Index,
-    RetentionPolicy,
-    Row,
     RunOptions,
-    Start,
-    Trial,
-    TrialResult,
-    open_folder,
-    remaining,
-    run_all,
+    Study,
+    TrialRetention,
 )
 from runtime.files import write_json
 from runtime.terminal import Progress, short, with_unit
@@ -117,37 +107,13 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
 
     Raises
     ------
-    UsageError : as for :func:`open_folder`.
+    UsageError : as for :class:`Study`.
     """
-    began = time.perf_counter()
     tally = Tally.of(len(plan.seeds), plan.metrics, plan.objective, plan.ends, plan.never)
-    retention = RetentionPolicy(options, plan.objective, tally.column, plan.signals)
-    open_folder(plan, options)
-
-    def draw() -> None:
-        progress(tally.done, plan.total, tally.line(plan.columns.factors))
-
-    def record(trial: Trial, done: TrialResult) -> None:
-        retention.save(trial, done)
-        row = Row.of(trial, done, plan.metrics)
-        index.append(row)
-        retention.discard(row)
-        tally.add(row)
-
-    with closing(Index(options.folder / INDEX, plan.columns, options.again)) as index:
-        trials = remaining(index, plan.trials())
-        retention.resume(index.rows())
-        for row in index.rows():
+    with Study(plan, options, progress, TrialRetention(plan, options)) as study:
+        for row in study.all_rows():
             tally.add(row)
-        progress.resume(tally.done)
-        result = SweepResult(plan, options.folder, tally, 0.0)
-        if tally.done < plan.total:
-            result.is_interrupted = not run_all(
-                *(trials, Start(plan, options, tally.done > 0), retention.task, record, progress),
-                idle=draw,
-            )
-    if not result.is_interrupted:
-        options.finish()
-    result.wall_s = time.perf_counter() - began
+            study.show(tally.line(plan.columns.factors))
+    result = SweepResult(plan, options.folder, tally, study.wall_s, study.is_interrupted)
     write_json(options.folder / SUMMARY, result.summary())
     return result

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
         SUMMARY,
         TABLE,
         RunOptions,
-        open_folder,
         read_plan,
         write_plan,
     )
@@ -24,9 +23,7 @@ if TYPE_CHECKING:
         Columns,
         Index,
         Row,
-        check_row,
         read_rows,
-        remaining,
     )
     from runtime.experiments.execution.plan import (
         GRAPH,
@@ -46,15 +43,13 @@ if TYPE_CHECKING:
         sweep_plan,
     )
     from runtime.experiments.execution.retention import (
-        RetentionPolicy,
+        TrialRetention,
+        VariantRetention,
         read_series,
-        save_series,
-        save_trial,
     )
-    from runtime.experiments.execution.runner import run_all, run_trials
-    from runtime.experiments.execution.starts import Start
+    from runtime.experiments.execution.runner import run_trials
+    from runtime.experiments.execution.study import Study
     from runtime.experiments.execution.trials import Configuration, Trial
     from runtime.experiments.execution.worker import LOST, TRAJECTORY_PLOTS, Task, TrialResult
-    from runtime.experiments.execution.worker_pool import WorkerPool
 else:
     __getattr__ = door(__name__)

@@ -75,7 +75,7 @@ class RunOptions:
         checkpoints = None if every is None else (self.folder.resolve() / CHECKPOINTS, every)
         return Task(trial, timeout=self.timeout, checkpoints=checkpoints, **how)
 
-    def finish(self) -> None:
+    def remove_checkpoints(self) -> None:
         """Remove what trials that were killed have left; all have ended."""
         remove_tree(self.folder / CHECKPOINTS)
 
@@ -100,14 +100,14 @@ def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
     if not (folder / PLAN).exists():
         raise UsageError(
             f"'{folder}' exists already, and is not the folder of a {plan.kind} (it has no {PLAN});"
-            f" {elsewhere(plan, option)} begins one elsewhere"
+            f" {elsewhere(option)} begins one elsewhere"
         )
     _check_same(plan, folder, option)
     if not options.resume:
         resume = "--resume" if option == ON_COMMAND_LINE else "resume=True"
         raise UsageError(
             f"'{folder}' exists already; {resume} continues it, "
-            f"{elsewhere(plan, option)} begins another {plan.kind}"
+            f"{elsewhere(option)} begins another {plan.kind}"
         )
     try:
         read_plan(folder)
@@ -117,7 +117,7 @@ def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
             write_plan(plan, folder)
 
 
-def elsewhere(plan: ExperimentPlan, option: str) -> str:
+def elsewhere(option: str) -> str:
     """The option that chooses another folder."""
     return "--name NAME" if option == ON_COMMAND_LINE else "another folder"
 
@@ -224,7 +224,7 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
         differing.append("the graph")
     raise UsageError(
         f"'{folder}' belongs to a different plan, which differs in {'; '.join(differing)}; "
-        f"{elsewhere(plan, option)} begins another {plan.kind} beside it"
+        f"{elsewhere(option)} begins another {plan.kind} beside it"
     )
 
 

@@ -17,6 +17,7 @@ import zlib
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol, get_args
 
@@ -299,6 +300,11 @@ class Index:
     def rows(self) -> Iterator[Row]:
         """The rows so far, in the order of writing."""
         return read_rows(self.path, self.columns)
+
+    @cached_property
+    def by_trial(self) -> dict[int, Row]:
+        """The rows that it has when they are first asked for, by the numbers of their trials."""
+        return {row.trial: row for row in self.rows()}
 
     def close(self) -> None:
         """Flush the file to the disk, and let other processes write it."""

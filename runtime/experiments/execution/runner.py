@@ -18,11 +18,9 @@ from dataclasses import dataclass
 from itertools import islice
 
 from runtime.errors import UsageError, one_line, raised_text
-from runtime.experiments.execution.starts import Start
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import LOST, Task, TrialResult, run_tasks
 from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit
-from runtime.terminal import Progress
 
 # A call of several trials takes about so long: it is what the death of a worker costs at most, and
 # how much later than the others the last worker ends.
@@ -131,36 +129,6 @@ def run_trials(
         pool.check()
         idle()
         sender.fill()
-
-
-def run_all(
-    trials: Iterator[Trial],
-    start: Start,
-    task: Callable[[Trial], Task],
-    record: Callable[[Trial, TrialResult], None],
-    progress: Progress,
-    idle: Callable[[], None] = lambda: None,
-) -> bool:
-    """Run trials and record each as it ends; False if Ctrl-C interrupted them."""
-    finished = False
-    pool = start.pool()
-
-    def watch() -> None:
-        progress.workers = pool.workers()
-        idle()
-
-    try:
-        watch()
-        for trial, result in run_trials(trials, pool, task, watch):
-            record(trial, result)
-        finished = True
-    except KeyboardInterrupt:
-        pass
-    finally:
-        pool.leave(finished)
-        start.end(pool)
-        progress.close()
-    return finished
 
 
 def _lost(error: BaseException, attempts: int) -> str:

@@ -8,7 +8,7 @@ two seeds and the conditions a and b, configuration 3 has these::
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -111,16 +111,18 @@ class TuningPlan(ExperimentPlan):
             for i, condition in enumerate(self._conditions(runs, 0))
         ]
 
-    def held_out(self, configurations: dict[int, Sequence[Any] | None]) -> Iterator[Trial]:
+    def held_out(self, configurations: dict[int, Sequence[Any] | None]) -> list[Trial]:
         """The held-out runs of some configurations, given by number."""
-        runs = self.tuning.held_out
+        runs, trials = self.tuning.held_out, list[Trial]()
         for i, (number, values) in enumerate(configurations.items()):
             edits = self._edits(values)
             for j, condition in enumerate(self._conditions(runs, len(self.tuning.training.names))):
                 for k, seed in enumerate(runs.seeds):
                     place = (i * len(runs.conditions) + j) * len(runs.seeds) + k
                     cells = (str(number), condition.name)
-                    yield Trial(place, Configuration(i, cells, condition.bundle, edits), seed)
+                    configuration = Configuration(i, cells, condition.bundle, edits)
+                    trials.append(Trial(place, configuration, seed))
+        return trials
 
     def _conditions(self, runs: RunSet, first: int) -> list[VariantBundle]:
         bundles = self.variants[first : first + len(runs.conditions)]

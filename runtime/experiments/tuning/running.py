@@ -8,27 +8,19 @@ being one seed under all conditions; after each, hopeless configurations are sto
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
-    INDEX,
     PLAN,
     Index,
-    Row,
     RunOptions,
-    Start,
+    Study,
     Trial,
-    WorkerPool,
-    check_row,
-    open_folder,
     read_plan,
-    run_trials,
     write_plan,
 )
 from runtime.experiments.tuning.judging import Judgement, Verdict, judge, verdicts
@@ -101,33 +93,22 @@ def run_tuning(
 
     Raises
     ------
-    UsageError : as for :func:`open_folder`.
+    UsageError : as for :class:`Study`.
     MissingExtraError : optuna is not installed.
     """
-    began = time.perf_counter()
     folder = options.folder
     if options.resume and (folder / PLAN).exists():
         _extend(plan, folder)
-    open_folder(plan, options)
-    if not (folder / HELD_OUT).exists():
-        Index.create(folder / HELD_OUT, plan.held_out_columns)
     result = TuningResult(plan, folder, [])
-    with (
-        closing(Index(folder / INDEX, plan.columns)) as index,
-        closing(Index(folder / HELD_OUT, plan.held_out_columns)) as held_out_index,
-        closing(_Runner(plan, options, progress)) as runner,
-    ):
-        try:
-            _Training(plan, runner, index, result).run()
-            best = [one for one in front(result.candidates) if one.number != BASELINE]
-            result.winners = _spread(best, WINNERS)
-            if result.winners or always_judge:
-                _judge(plan, runner, held_out_index, result)
-            runner.finished = True
-            options.finish()
-        except KeyboardInterrupt:
-            result.is_interrupted = True
-    result.wall_s = time.perf_counter() - began
+    # What the optimiser asks for next depends on every row: none is run again.
+    with Study(plan, replace(options, again=()), progress) as study:
+        held_out = study.open_index(folder / HELD_OUT, plan.held_out_columns)
+        _Training(plan, study, result).run()
+        best = [one for one in front(result.candidates) if one.number != BASELINE]
+        result.winners = _spread(best, WINNERS)
+        if result.winners or always_judge:
+            _judge(plan, study, held_out, result)
+    result.wall_s, result.is_interrupted = study.wall_s, study.is_interrupted
     return result
 
 
@@ -150,49 +131,11 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
         write_plan(plan, folder)
 
 
-class _Runner:
-    """Runs trials that have no row yet, on a pool that is made when it is first needed."""
-
-    def __init__(self, plan: TuningPlan, options: RunOptions, progress: Progress) -> None:
-        self.plan, self.options, self.progress = plan, options, progress
-        self.pool: WorkerPool | None = None
-        self.finished = False
-        self.done = 0
-
-    def run(self, trials: Iterable[Trial], rows: dict[int, Row], index: Index) -> list[Row]:
-        """The rows of some trials: those that are known, and those of the others, which are run."""
-        trials = list(trials)
-        missing = [trial for trial in trials if trial.number not in rows]
-        for trial in trials:
-            if trial.number in rows:
-                check_row(trial, rows[trial.number], index.path)
-        if missing:
-            if self.pool is None:
-                self.start = Start(self.plan, self.options, bool(self.done or rows))
-                self.pool = self.start.pool()
-                self.progress.resume(self.done)
-            for trial, done in run_trials(iter(missing), self.pool, self.options.task):
-                row = Row.of(trial, done, self.plan.metrics)
-                index.append(row)
-                rows[trial.number] = row
-        self.done += len(trials)
-        return [rows[trial.number] for trial in trials]
-
-    def close(self) -> None:
-        self.progress.close()
-        if self.pool is not None:
-            self.pool.leave(self.finished)
-            self.start.end(self.pool)
-
-
 class _Training:
     """The training runs: batches of configurations, each batch seed by seed."""
 
-    def __init__(
-        self, plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult
-    ) -> None:
-        self.plan, self.runner, self.index, self.result = plan, runner, index, result
-        self.known = _rows(index)
+    def __init__(self, plan: TuningPlan, study: Study, result: TuningResult) -> None:
+        self.plan, self.study, self.result = plan, study, result
         self.scorer = Scorer(plan.tuning, plan.metrics)
         self.seeds = list(plan.tuning.training.seeds)
 
@@ -246,7 +189,7 @@ class _Training:
             owners = {
                 t.number: candidate for candidate in running for t in self._of(candidate, trials)
             }
-            for row in self.runner.run(trials, self.known, self.index):
+            for row in self.study.rows_of(trials, self.study.index):
                 owners[row.trial].rows[row.cells[-1], row.seed] = row
             self._show(running)
             past_seeds = self.seeds[: stage + 1]
@@ -287,7 +230,7 @@ class _Training:
             note += " (own values)" if best[0].number == BASELINE else ""
         total = (1 + self.plan.tuning.trials) * len(self.plan.tuning.training)
         done = max(one.number for one in running) * len(self.plan.tuning.training)
-        self.runner.progress(min(done, total), total, note)
+        self.study.progress(min(done, total), total, note)
 
 
 def _seen(one: Candidate, seeds: Sequence[int]) -> list[int]:
@@ -296,11 +239,11 @@ def _seen(one: Candidate, seeds: Sequence[int]) -> list[int]:
     return [seed for seed in seeds if seed in had]
 
 
-def _judge(plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult) -> None:
+def _judge(plan: TuningPlan, study: Study, index: Index, result: TuningResult) -> None:
     chosen: dict[int, Sequence[Any] | None] = {BASELINE: None}
     chosen |= {one.number: one.values for one in result.winners}
     held_out = {number: Candidate(number, values) for number, values in chosen.items()}
-    for row in runner.run(plan.held_out(chosen), _rows(index), index):
+    for row in study.rows_of(plan.held_out(chosen), index):
         held_out[int(row.cells[0])].rows[row.cells[1], row.seed] = row
     scorer = Scorer(plan.tuning, plan.metrics)
     runs = plan.tuning.held_out
@@ -308,10 +251,6 @@ def _judge(plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult
         one.score = scorer.score(one.rows, runs, runs.seeds)
         one.status = "complete" if one.score.has_values else "no value"
     result.held_out = held_out
-
-
-def _rows(index: Index) -> dict[int, Row]:
-    return {row.trial: row for row in index.rows()}
 
 
 def _spread(candidates: list[Candidate], most: int) -> list[Candidate]:
