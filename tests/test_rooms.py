@@ -55,6 +55,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.tuning",),
     ("runtime.experiments.tuning.tuning_plots", "runtime.experiments.tuning.contest_plots"),
     ("runtime.experiments",),
+    ("runtime.experiments.drawing",),
     ("runtime.fitting",),
     ("runtime.reports", "runtime.language"),
     ("runtime.cli",),

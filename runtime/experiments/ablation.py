@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.diagrams import stored_picture
+from runtime.errors import SimulationError
 from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
@@ -33,6 +34,7 @@ from runtime.experiments.execution import (
     DIAGRAMS,
     TABLE,
     ExperimentPlan,
+    Outcome,
     Row,
     RunOptions,
     Study,
@@ -45,7 +47,7 @@ from runtime.terminal import Progress
 
 
 @dataclass
-class AblationResult:
+class AblationResult(Outcome):
     """An ablation that has ended: its rows by variant, and the table made from them."""
 
     plan: ExperimentPlan
@@ -72,6 +74,11 @@ class AblationResult:
                 (variant.name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))
             }
         return pairs
+
+    @property
+    def exit_code(self) -> int:
+        is_ok = any(row.status == "ok" for rows in self.rows.values() for row in rows)
+        return 0 if is_ok else SimulationError.exit_code
 
     def to_dict(self) -> dict[str, Any]:
         """What ablation.json holds."""
@@ -116,7 +123,7 @@ class AblationResult:
     def text(self) -> str:
         """The table with its head and notes, as the command prints it."""
         shown = comparison_table(self.lines, self.plan.units, self.plan.never)
-        return "\n".join([self.head, shown, "", *self.notes()])
+        return "\n".join([self.head, shown, "", *self.notes(), ""])
 
     def _variant(self, variant: VariantBundle) -> dict[str, Any]:
         graph = variant.graph

@@ -31,7 +31,7 @@ from runtime.experiments.design import (
 from runtime.experiments.execution import RunOptions, ablation_plan, pool_factory, sweep_plan
 from runtime.experiments.sweeping import SweepResult, run_sweep
 from runtime.experiments.tables import AblationTable, SweepTable, TuningTable
-from runtime.experiments.tuning import TuningResult, run_tuning, save_json, tuning_plan
+from runtime.experiments.tuning import TuningResult, run_tuning, tuning_plan
 from runtime.files import slug
 from runtime.graph import Graph, load
 from runtime.terminal import Progress
@@ -239,9 +239,7 @@ def tune(
 
     def run(target: Path) -> TuningResult:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
-        done = run_tuning(plan, options, Progress(plan.name))
-        save_json(done)
-        return done
+        return run_tuning(plan, options, Progress(plan.name))
 
     return _table(folder, plan.name, run, TuningTable.of)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.errors import SimulationError
 from runtime.experiments.analysis import (
     SAME,
     SAME_RUNS,
@@ -24,6 +25,7 @@ from runtime.experiments.analysis import (
 from runtime.experiments.execution import (
     SUMMARY,
     ExperimentPlan,
+    Outcome,
     RunOptions,
     Study,
     TrialRetention,
@@ -36,7 +38,7 @@ MEANS = ", mean over seeds"
 
 
 @dataclass
-class SweepResult:
+class SweepResult(Outcome):
     """A sweep that has ended, or was interrupted."""
 
     plan: ExperimentPlan
@@ -45,7 +47,15 @@ class SweepResult:
     wall_s: float
     is_interrupted: bool = False
 
-    def summary(self) -> dict[str, Any]:
+    @property
+    def so_far(self) -> str:
+        return f" after {self.tally.done} of {self.plan.total} trials"
+
+    @property
+    def exit_code(self) -> int:
+        return 0 if self.tally.counts["ok"] else SimulationError.exit_code
+
+    def to_dict(self) -> dict[str, Any]:
         """What summary.json holds."""
         plan, tally = self.plan, self.tally
         factors = list(plan.columns.factors)
@@ -115,5 +125,5 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
             tally.add(row)
             study.show(tally.line(plan.columns.factors))
     result = SweepResult(plan, options.folder, tally, study.wall_s, study.is_interrupted)
-    write_json(options.folder / SUMMARY, result.summary())
+    write_json(options.folder / SUMMARY, result.to_dict())
     return result

@@ -36,7 +36,7 @@ from runtime.experiments.analysis import (
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, VARIANT, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
-from runtime.experiments.tuning import Candidate, Judgement, TuningResult, summary
+from runtime.experiments.tuning import Candidate, Judgement, TuningResult
 from runtime.runs import Figures
 from runtime.tables import dataframe
 from runtime.terminal import table, with_unit
@@ -260,7 +260,7 @@ class AblationTable(_Table):
             variants=tuple(variant.name for variant in plan.variants),
             lines=lines,
             essential=plan.essential,
-            text=result.text(),
+            text=result.text().rstrip("\n"),
             html=_html(result.head, comparison_rows(lines, plan.units, plan.never), result.notes()),
         )
 
@@ -331,7 +331,7 @@ class TuningTable:
             tuple(result.judgements),
             result.plan.paths,
             result.folder,
-            summary(result),
+            result.text().rstrip("\n"),
         )
 
     @property

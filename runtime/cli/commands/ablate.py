@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import with_changes
 from runtime.cli.commands.workers import (
     add_again,
     add_experiment,
+    conclude,
     experiment_of,
     note_of,
     progress_of,
     run_options,
-    show_results,
     start_early,
 )
-from runtime.errors import SimulationError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
@@ -78,25 +76,9 @@ def run(options: Namespace) -> int:
     plan = ablation_plan(experiment_of(options, variants), note_of(options))
     progress = progress_of(options, plan.name)
     done = run_ablation(plan, run_options(options, plan.name), progress, options.test)
-    if done.is_interrupted:
-        tell(f"interrupted; --resume continues {done.folder}")
-        return 130
-    if not (options.quiet or options.json):
+    if not (done.is_interrupted or options.quiet or options.json):
         _tell_notes(done)
-    pictures: list[Path] = []
-    if not options.no_plots:
-        from runtime.experiments.analysis.ablation_plots import ablation_figure
-        from runtime.experiments.analysis.figures import save_figures
-        from runtime.experiments.analysis.study_figures import study_figures
-        from runtime.experiments.analysis.sweep_plots import sweep_figures
-
-        crossed = sweep_figures(done.folder, options.style) if plan.design.factors else ()
-        figures = [("ablation", ablation_figure(done.folder, options.style)), *crossed]
-        pictures = save_figures(done.folder, figures, options.figures)
-        pictures += save_figures(done.folder, study_figures(plan, done.folder), ("pdf", "png"))
-    show_results(options, done.to_dict(), f"{done.text()}\n", pictures)
-    has_failed = all(row.status != "ok" for rows in done.rows.values() for row in rows)
-    return SimulationError.exit_code if has_failed else 0
+    return conclude(options, done)
 
 
 def _tell_notes(done: AblationResult) -> None:

@@ -6,14 +6,13 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.cli.commands.workers import (
     add_experiment,
+    conclude,
     experiment_of,
     note_of,
     progress_of,
     run_options,
-    show_results,
     start_early,
 )
-from runtime.terminal import tell
 
 HELP = "tune contestants with equal budgets; compare on held-out runs"
 ABOUT = """
@@ -69,15 +68,4 @@ def run(options: Namespace) -> int:
         lambda name: progress_of(options, name),
         dict(experiment.entries.margins),
     )
-    if result.is_interrupted:
-        tell(f"interrupted; --resume continues {result.folder}")
-        return 130
-    pictures = []
-    if not options.no_plots:
-        from runtime.experiments.analysis.figures import save_figures
-        from runtime.experiments.tuning.contest_plots import contest_figure
-
-        figures = [("contest", contest_figure(result.folder, options.style))]
-        pictures = save_figures(result.folder, figures, options.figures)
-    show_results(options, result.to_dict(), f"{result.text()}\n", pictures)
-    return 0
+    return conclude(options, result)

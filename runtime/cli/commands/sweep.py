@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from pathlib import Path
 
 from runtime.cli.commands.workers import (
     add_again,
     add_experiment,
     add_factors,
+    conclude,
     experiment_of,
     note_of,
     progress_of,
@@ -16,7 +16,6 @@ from runtime.cli.commands.workers import (
     show_results,
     start_early,
 )
-from runtime.errors import SimulationError
 from runtime.terminal import tell
 
 HELP = "vary parameters (grids or samples) and seeds, in parallel"
@@ -54,20 +53,8 @@ def run(options: Namespace) -> int:
 
     plan = sweep_plan(experiment_of(options), note_of(options))
     result = run_sweep(plan, run_options(options, plan.name), progress_of(options, plan.name))
-    pictures: list[Path] = []
-    if not (options.no_plots or result.is_interrupted):
-        from runtime.experiments.analysis.figures import save_figures
-        from runtime.experiments.analysis.study_figures import study_figures
-        from runtime.experiments.analysis.sweep_plots import sweep_figures
-
-        figures = sweep_figures(result.folder, options.style)
-        pictures = save_figures(result.folder, figures, options.figures)
-        pictures += save_figures(result.folder, study_figures(plan, result.folder), ("pdf", "png"))
     for reason in result.tally.top_reasons() * (not options.json):
         tell(f"  {reason['count']} x {reason['reason']}")
-    show_results(options, result.summary(), result.text(), pictures)
     if result.is_interrupted:
-        message = f"interrupted after {result.tally.done} of {plan.total} trials"
-        tell(f"{message}; --resume continues {result.folder}")
-        return 130
-    return SimulationError.exit_code if result.tally.counts["ok"] == 0 else 0
+        show_results(options, result.to_dict(), result.text())
+    return conclude(options, result)

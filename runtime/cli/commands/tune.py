@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.workers import (
     add_experiment,
     add_factors,
+    conclude,
     experiment_of,
     note_of,
     progress_of,
     run_options,
-    show_results,
     start_early,
 )
-from runtime.errors import SimulationError, UsageError
+from runtime.errors import UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
@@ -104,8 +103,6 @@ def run(options: Namespace) -> int:
     from runtime.experiments.tuning import (
         check_writable,
         run_tuning,
-        save_json,
-        summary,
         tuning_plan,
     )
 
@@ -118,21 +115,8 @@ def run(options: Namespace) -> int:
         return _repeat(options, experiment)
     plan = tuning_plan(experiment, note_of(options))
     result = run_tuning(plan, run_options(options, plan.name), progress_of(options, plan.name))
-    stored = save_json(result)
-    if result.is_interrupted:
-        tell(f"interrupted after {result.runs} training runs; --resume continues {result.folder}")
-        return 130
-    pictures: list[Path] = []
-    if not options.no_plots:
-        from runtime.experiments.analysis.figures import save_figures
-        from runtime.experiments.tuning.tuning_plots import tuning_figures
-
-        figures = tuning_figures(result.folder, options.style)
-        pictures = save_figures(result.folder, figures, options.figures)
-    show_results(options, stored, f"{summary(result)}\n", pictures)
-    if not result.has_feasible:
-        return SimulationError.exit_code
-    return _write(experiment, result, options.force) if options.write else 0
+    code = conclude(options, result)
+    return _write(experiment, result, options.force) if options.write and code == 0 else code
 
 
 def _repeat(options: Namespace, experiment: Experiment) -> int:
@@ -148,11 +132,7 @@ def _repeat(options: Namespace, experiment: Experiment) -> int:
         run_options(options, experiment.name),
         lambda name: progress_of(options, name),
     )
-    if result.is_interrupted:
-        tell(f"interrupted; --resume continues {result.folder}")
-        return 130
-    show_results(options, result.to_dict(), f"{result.text()}\n", [])
-    return 0
+    return conclude(options, result, figures=False)
 
 
 def _write(experiment: Experiment, result: TuningResult, force: bool) -> int:

@@ -9,7 +9,7 @@ In: options as argparse read them. Out: the experiment that they ask for, and ho
 from __future__ import annotations
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.experiments.design import Experiment, Named
-    from runtime.experiments.execution import Note, RunOptions
+    from runtime.experiments.execution import Note, Outcome, RunOptions
     from runtime.terminal import Progress
 
 MAX_JOBS = 4096
@@ -184,8 +184,27 @@ def progress_of(options: Namespace, name: str) -> Progress:
     return Progress(name, wanted=not (options.quiet or options.json))
 
 
+def conclude(options: Namespace, result: Outcome, *, figures: bool = True) -> int:
+    """Draw and print what an experiment has given, or say that it was interrupted.
+
+    Returns
+    -------
+    int : the exit code.
+    """
+    if result.is_interrupted:
+        tell(f"interrupted{result.so_far}; --resume continues {result.folder}")
+        return 130
+    pictures: list[Path] = []
+    if figures and not options.no_plots:
+        from runtime.experiments.drawing import draw_figures
+
+        pictures = draw_figures(result, options.style, options.figures)
+    show_results(options, result.to_dict(), result.text(), pictures)
+    return result.exit_code
+
+
 def show_results(
-    options: Namespace, data: Mapping[str, Any], text: str, pictures: list[Path]
+    options: Namespace, data: Mapping[str, Any], text: str, pictures: Sequence[Path] = ()
 ) -> None:
     """Print what an experiment has given: one JSON object, or text and what was written."""
     if options.json:

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
         read_series,
     )
     from runtime.experiments.execution.runner import run_trials
-    from runtime.experiments.execution.study import Study
+    from runtime.experiments.execution.study import Outcome, Study
     from runtime.experiments.execution.trials import Configuration, Trial
     from runtime.experiments.execution.worker import LOST, TRAJECTORY_PLOTS, Task, TrialResult
 else:

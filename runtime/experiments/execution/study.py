@@ -13,10 +13,12 @@ time (:meth:`Study.rows_of`). Judging rows is no part of it.
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from runtime.experiments.execution.folder import RunOptions, elsewhere, open_folder
 from runtime.experiments.execution.index import Columns, Index, Row, check_row, remaining
@@ -28,6 +30,31 @@ from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker_pool import WorkerPool
 from runtime.runs import check_same_program
 from runtime.terminal import Progress
+
+
+class Outcome(ABC):
+    """What a study has given: rows that were judged, as they are printed and stored."""
+
+    folder: Path
+    is_interrupted: bool
+
+    @property
+    def exit_code(self) -> int:
+        """That of its command."""
+        return 0
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """What its JSON file holds."""
+
+    @abstractmethod
+    def text(self) -> str:
+        """What its command prints before the folder."""
+
+    @property
+    def so_far(self) -> str:
+        """How far it came, as in 'interrupted after 3 of 12 trials'."""
+        return ""
 
 
 class Study:

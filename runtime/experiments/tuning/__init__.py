@@ -9,8 +9,8 @@ from runtime.experiments.tuning.contest import (
     run_contest,
 )
 from runtime.experiments.tuning.judging import Judgement
-from runtime.experiments.tuning.output import NOT_DISTINGUISHABLE, NOTHING, save_json, summary
 from runtime.experiments.tuning.plan import TUNING, tuning_plan
-from runtime.experiments.tuning.running import TuningResult, run_tuning
+from runtime.experiments.tuning.result import NOT_DISTINGUISHABLE, NOTHING, TuningResult
+from runtime.experiments.tuning.running import run_tuning
 from runtime.experiments.tuning.scores import Candidate
 from runtime.experiments.tuning.writing import check_writable, write_values

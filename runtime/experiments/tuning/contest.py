@@ -37,11 +37,11 @@ from runtime.experiments.analysis import (
     lost,
 )
 from runtime.experiments.design import Experiment, RunSet, slugs
-from runtime.experiments.execution import Note, RunOptions, write_checked
+from runtime.experiments.execution import Note, Outcome, RunOptions, write_checked
 from runtime.experiments.tuning.judging import held_out_values
-from runtime.experiments.tuning.output import save_json
 from runtime.experiments.tuning.plan import BASELINE, TuningPlan, contestant_plan
-from runtime.experiments.tuning.running import TuningResult, run_tuning
+from runtime.experiments.tuning.result import TuningResult
+from runtime.experiments.tuning.running import run_tuning
 from runtime.experiments.tuning.scores import Candidate
 from runtime.terminal import Progress, number, table
 
@@ -55,7 +55,7 @@ ONCE = (
 
 
 @dataclass
-class ContestResult:
+class ContestResult(Outcome):
     """A contest that has ended, or was interrupted: the tunings of each contestant."""
 
     name: str
@@ -141,7 +141,7 @@ class ContestResult:
             lines += ["", comparison_table(self.lines, plan.units, plan.never), ""]
             lines += [legend(self.lines, paired=self._paired, how=HOW)]
             lines += [ONCE] * self.is_once
-        return "\n".join([*lines, *self._failures(), *agreement(self.to_dict())])
+        return "\n".join([*lines, *self._failures(), *agreement(self.to_dict()), ""])
 
     @property
     def _unit(self) -> str:
@@ -280,7 +280,6 @@ def run_contest(
             own_options = replace(options, folder=folder)
             done = run_tuning(plan, own_options, progress_of(folder.name), always_judge=True)
             own.append(done)
-            save_json(done)
             if done.is_interrupted:
                 result.is_interrupted = True
                 return result

@@ -9,7 +9,7 @@ being one seed under all conditions; after each, hopeless configurations are sto
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,62 +21,17 @@ from runtime.experiments.execution import (
     Study,
     Trial,
     read_plan,
+    write_checked,
     write_plan,
 )
-from runtime.experiments.tuning.judging import Judgement, Verdict, judge, verdicts
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
+from runtime.experiments.tuning.result import TuningResult
 from runtime.experiments.tuning.scores import Candidate, Scorer, front
 from runtime.files import system_errors
 from runtime.terminal import Progress
 
 WINNERS = 5  # of a front; each costs as many held-out runs as the baseline
-
-
-@dataclass
-class TuningResult:
-    """A tuning that has ended, or was interrupted.
-
-    ``candidates`` are all configurations that were tried, the baseline first, with their training
-    runs; ``winners`` are those in the front of the training runs, without the baseline;
-    ``held_out`` the held-out runs of the baseline and of the winners, by number.
-    """
-
-    plan: TuningPlan
-    folder: Path
-    candidates: list[Candidate]
-    winners: list[Candidate] = field(default_factory=list)
-    held_out: dict[int, Candidate] = field(default_factory=dict)
-    wall_s: float = 0.0
-    is_interrupted: bool = False
-
-    @property
-    def judgements(self) -> list[Judgement]:
-        """The baseline and the winners on both sets of runs; empty before the held-out runs."""
-        if not self.held_out:
-            return []
-        return judge(self.plan, self.candidates, self.winners, self.held_out)
-
-    @property
-    def verdicts(self) -> dict[int, Verdict]:
-        """What the held-out runs say of each winner, by number."""
-        return verdicts(self.plan, self.held_out, self.judgements)
-
-    @property
-    def better(self) -> list[Candidate]:
-        """The winners of which the held-out runs show that they are better."""
-        found = self.verdicts
-        return [one for one in self.winners if found.get(one.number) == "better"]
-
-    @property
-    def has_feasible(self) -> bool:
-        """Whether a configuration, or the graph itself, satisfies the constraints."""
-        return bool(front(self.candidates))
-
-    @property
-    def runs(self) -> int:
-        """The number of training runs."""
-        return sum(len(one.rows) for one in self.candidates)
 
 
 def run_tuning(
@@ -109,6 +64,7 @@ def run_tuning(
         if result.winners or always_judge:
             _judge(plan, study, held_out, result)
     result.wall_s, result.is_interrupted = study.wall_s, study.is_interrupted
+    write_checked(folder / TUNING, result.to_dict())
     return result
 
 

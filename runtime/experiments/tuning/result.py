@@ -1,14 +1,19 @@
-"""What a tuning prints and stores: its front, and training beside held-out.
+"""What a tuning has found, prints and stores: its front, and training beside held-out.
 
-In: a :class:`TuningResult`. Out: the text of the command, and the content of ``tuning.json``.
+In: configurations with their runs. Out: :class:`TuningResult`, which gives the output of the
+command, and the content of ``tuning.json``.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+from runtime.errors import SimulationError
 from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
@@ -23,11 +28,10 @@ from runtime.experiments.analysis import (
     too_few,
 )
 from runtime.experiments.design import TuningSettings
-from runtime.experiments.execution import write_checked
-from runtime.experiments.tuning.judging import Evaluation, Judgement
-from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
-from runtime.experiments.tuning.running import TuningResult
-from runtime.experiments.tuning.scores import Candidate
+from runtime.experiments.execution import Outcome
+from runtime.experiments.tuning.judging import Evaluation, Judgement, Verdict, judge, verdicts
+from runtime.experiments.tuning.plan import BASELINE, TuningPlan
+from runtime.experiments.tuning.scores import Candidate, front
 from runtime.terminal import number, table, with_unit
 
 NOTHING = "nothing that was tried is better than the graph's own values"
@@ -35,29 +39,111 @@ NOT_DISTINGUISHABLE = "not distinguishable from the graph's own values"
 FEW = "few"
 
 
-def to_dict(result: TuningResult) -> dict[str, Any]:
-    """What tuning.json holds."""
-    plan = result.plan
-    counts = Counter(one.status for one in result.candidates[1:])
-    complete = not result.is_interrupted
-    return {
-        **plan.header(result.folder),
-        "status": "complete" if complete else "interrupted",
-        **{k: v for k, v in plan.specification.items() if k not in ("training", "held_out")},
-        "training": _runs(plan, "training"),
-        "held_out": _runs(plan, "held_out"),
-        "counts": dict(counts),
-        "runs": result.runs,
-        "held_out_runs": sum(len(one.rows) for one in result.held_out.values()),
-        "confidence": CONFIDENCE,
-        "correction": CORRECTION,
-        "configurations": [_candidate_data(plan, one) for one in result.candidates],
-        "front": [one.number for one in result.winners],
-        "better": [one.number for one in result.better],
-        "verdicts": {str(number): verdict for number, verdict in result.verdicts.items()},
-        "table": [line.to_dict() for line in result.judgements],
-        "wall_s": round(result.wall_s, 3),
-    }
+@dataclass
+class TuningResult(Outcome):
+    """A tuning that has ended, or was interrupted.
+
+    ``candidates`` are all configurations that were tried, the baseline first, with their training
+    runs; ``winners`` are those in the front of the training runs, without the baseline;
+    ``held_out`` the held-out runs of the baseline and of the winners, by number.
+    """
+
+    plan: TuningPlan
+    folder: Path
+    candidates: list[Candidate]
+    winners: list[Candidate] = field(default_factory=list)
+    held_out: dict[int, Candidate] = field(default_factory=dict)
+    wall_s: float = 0.0
+    is_interrupted: bool = False
+
+    @cached_property
+    def judgements(self) -> list[Judgement]:
+        """The baseline and the winners on both sets of runs; empty before the held-out runs."""
+        if not self.held_out:
+            return []
+        return judge(self.plan, self.candidates, self.winners, self.held_out)
+
+    @cached_property
+    def verdicts(self) -> dict[int, Verdict]:
+        """What the held-out runs say of each winner, by number."""
+        return verdicts(self.plan, self.held_out, self.judgements)
+
+    @property
+    def better(self) -> list[Candidate]:
+        """The winners of which the held-out runs show that they are better."""
+        found = self.verdicts
+        return [one for one in self.winners if found.get(one.number) == "better"]
+
+    @property
+    def has_feasible(self) -> bool:
+        """Whether a configuration, or the graph itself, satisfies the constraints."""
+        return bool(front(self.candidates))
+
+    @property
+    def runs(self) -> int:
+        """The number of training runs."""
+        return sum(len(one.rows) for one in self.candidates)
+
+    @property
+    def so_far(self) -> str:
+        return f" after {self.runs} training runs"
+
+    @property
+    def exit_code(self) -> int:
+        return 0 if self.has_feasible else SimulationError.exit_code
+
+    def to_dict(self) -> dict[str, Any]:
+        """What tuning.json holds."""
+        plan = self.plan
+        counts = Counter(one.status for one in self.candidates[1:])
+        complete = not self.is_interrupted
+        return {
+            **plan.header(self.folder),
+            "status": "complete" if complete else "interrupted",
+            **{k: v for k, v in plan.specification.items() if k not in ("training", "held_out")},
+            "training": _runs(plan, "training"),
+            "held_out": _runs(plan, "held_out"),
+            "counts": dict(counts),
+            "runs": self.runs,
+            "held_out_runs": sum(len(one.rows) for one in self.held_out.values()),
+            "confidence": CONFIDENCE,
+            "correction": CORRECTION,
+            "configurations": [_candidate_data(plan, one) for one in self.candidates],
+            "front": [one.number for one in self.winners],
+            "better": [one.number for one in self.better],
+            "verdicts": {str(number): verdict for number, verdict in self.verdicts.items()},
+            "table": [line.to_dict() for line in self.judgements],
+            "wall_s": round(self.wall_s, 3),
+        }
+
+    def text(self) -> str:
+        """What the command prints, without the folder."""
+        plan, tuning = self.plan, self.plan.tuning
+        counts = Counter(one.status for one in self.candidates[1:])
+        statuses = ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))
+        lines = [
+            f"{plan.name}: {len(self.candidates) - 1} of {tuning.trials} trials "
+            f"by {tuning.sampler}: {statuses}; {self.runs} training runs in {self.wall_s:.1f} s"
+        ]
+        for name, runs in (("training", tuning.training), ("held out", tuning.held_out)):
+            lines.append(f"{name}: seeds {runs.seeds}; conditions {', '.join(runs.names)}")
+        if tuning.constraints:
+            lines.append(f"constraints: {', '.join(map(str, tuning.constraints))}")
+        if not self.winners:
+            return "\n".join([*lines, NOTHING if self.has_feasible else _none_feasible(self), ""])
+        kind = "winner" if len(tuning.objectives) == 1 else "front"
+        lines.append(f"{kind}:")
+        for one in self.winners:
+            if one.values is not None:
+                values = zip(plan.paths, plan.cells(one.values), strict=True)
+                lines.append(
+                    f"  {one.number}: {', '.join(f'{path}={value}' for path, value in values)}"
+                )
+        lines += [f"  {note}" for note in edges(self)]
+        if self.held_out:
+            lines += ["", table(_rows(self), right=range(2, 8)), ""]
+            lines += [_legend(self.judgements, tuning), *_verdicts(self)]
+        return "\n".join([*lines, ""])
 
 
 def _runs(plan: TuningPlan, key: str) -> dict[str, Any]:
@@ -83,37 +169,7 @@ def _candidate_data(plan: TuningPlan, one: Candidate) -> dict[str, Any]:
     }
 
 
-def summary(result: TuningResult) -> str:
-    """What the command prints, without the folder."""
-    plan, tuning = result.plan, result.plan.tuning
-    counts = Counter(one.status for one in result.candidates[1:])
-    statuses = ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))
-    lines = [
-        f"{plan.name}: {len(result.candidates) - 1} of {tuning.trials} trials by {tuning.sampler}: "
-        f"{statuses}; {result.runs} training runs in {result.wall_s:.1f} s"
-    ]
-    for name, runs in (("training", tuning.training), ("held out", tuning.held_out)):
-        lines.append(f"{name}: seeds {runs.seeds}; conditions {', '.join(runs.names)}")
-    if tuning.constraints:
-        lines.append(f"constraints: {', '.join(map(str, tuning.constraints))}")
-    if not result.winners:
-        return "\n".join([*lines, NOTHING if result.has_feasible else _none_feasible(result)])
-    kind = "winner" if len(tuning.objectives) == 1 else "front"
-    lines.append(f"{kind}:")
-    for one in result.winners:
-        if one.values is not None:
-            values = zip(plan.paths, plan.cells(one.values), strict=True)
-            lines.append(
-                f"  {one.number}: {', '.join(f'{path}={value}' for path, value in values)}"
-            )
-    lines += [f"  {note}" for note in edges(result)]
-    if result.held_out:
-        lines += ["", table(_rows(result), right=range(2, 8)), ""]
-        lines += [_legend(result.judgements, tuning), *_told(result)]
-    return "\n".join(lines)
-
-
-def _told(result: TuningResult) -> list[str]:
+def _verdicts(result: TuningResult) -> list[str]:
     """What the held-out runs say of the winners that they do not show to be better."""
     found = result.verdicts
     if set(found.values()) <= {"better"}:
@@ -220,15 +276,3 @@ def _apart(evaluation: Evaluation) -> str:
     if difference.is_too_small:
         return f"{text} ({FEW})"
     return text + ("*" if is_significant(evaluation.p) else "")
-
-
-def save_json(result: TuningResult) -> dict[str, Any]:
-    """Write tuning.json; returns what it holds.
-
-    Raises
-    ------
-    UsageError : it cannot be written.
-    """
-    stored = to_dict(result)
-    write_checked(result.folder / TUNING, stored)
-    return stored
