@@ -35,16 +35,20 @@ PUBLIC: dict[str, tuple[str, ...]] = {
 }
 
 
+# Classes that are no part of the interface themselves: their members are those of what derives.
+BASES = ("Outcome", "TrialTable")
+# What commands ask of any experiment.
+OUTCOME = ("all_rows", "exit_code", "is_interrupted", "plan", "so_far", "to_dict", "wall_s")
 # Of a public class, what other rooms of ours use of it.
 INTERNAL = {
     "runtime.Graph": {
         *("document", "network", "observation", "of_document", "overrides", "prepared"),
         *("program", "texts"),
     },
-    "runtime.AblationTable": {"__init__", "of"},
+    "runtime.AblationTable": {"__init__", *OUTCOME, "head", "notes", "rows", "test"},
     "runtime.Result": {"__init__"},
-    "runtime.SweepTable": {"__init__", "of"},
-    "runtime.TuningTable": {"__init__", "of"},
+    "runtime.SweepTable": {"__init__", *OUTCOME, "tally"},
+    "runtime.TuningTable": {"__init__", *OUTCOME, "has_feasible", "held_out", "runs", "verdicts"},
 }
 
 
@@ -68,7 +72,7 @@ def _lines(name: str, value: Any) -> Iterator[str]:
         yield name + (_signature(value) if called else f": {type(value).__name__}")
         return
     bases = [base.__name__ for base in value.__bases__ if base is not object]
-    public = ", ".join(base for base in bases if not base.startswith("_"))
+    public = ", ".join(base for base in bases if not _is_hidden(base))
     yield f"class {name}" + (f"({public})" if public else "")
     internal = INTERNAL.get(name, ())
     if inspect.isfunction(value.__init__) and "__init__" not in internal:
@@ -81,7 +85,7 @@ def _lines(name: str, value: Any) -> Iterator[str]:
 def _members(cls: type) -> dict[str, str]:
     """The public members of a class and of its private bases, methods with their signature."""
     members: dict[str, str] = {}
-    for base in (each for each in cls.__mro__ if each is cls or each.__name__.startswith("_")):
+    for base in (each for each in cls.__mro__ if each is cls or _is_hidden(each.__name__)):
         fields = inspect.get_annotations(base)
         for key in {*vars(base), *fields} - members.keys():
             value = vars(base).get(key)
@@ -91,6 +95,10 @@ def _members(cls: type) -> dict[str, str]:
             if key == "__getitem__" or not key.startswith("_"):
                 members[key] = _signature(value) if is_method else ""
     return members
+
+
+def _is_hidden(base: str) -> bool:
+    return base.startswith("_") or base in BASES
 
 
 def _signature(function: Any) -> str:

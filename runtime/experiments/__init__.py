@@ -11,16 +11,10 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.experiments.ablation import AblationResult, run_ablation
+    from runtime.experiments.ablation import AblationTable, run_ablation
     from runtime.experiments.from_python import ablate, sweep, tune
-    from runtime.experiments.sweeping import SweepResult, run_sweep
-    from runtime.experiments.tables import (
-        AblationTable,
-        SweepConfiguration,
-        SweepTable,
-        TrialRecord,
-        TuningTable,
-    )
-    from runtime.experiments.tuning import TuningResult, run_tuning
+    from runtime.experiments.sweeping import SweepConfiguration, SweepTable, run_sweep
+    from runtime.experiments.tables import TrialRecord
+    from runtime.experiments.tuning import TuningTable, run_tuning
 else:  # What an experiment file may say (design) is read without what runs it.
     __getattr__ = door(__name__)

@@ -1,6 +1,6 @@
 """Run an ablation: from its plan to its table.
 
-In: a plan with variants, and where it is run. Out: :class:`AblationResult`, with a line for each
+In: a plan with variants, and where it is run. Out: :class:`AblationTable`, with a line for each
 metric and variant, and ``ablation.json``::
 
     baseline 2.0, 2.4; without half 1.0, 1.3   (total, seeds 0 and 1)
@@ -10,6 +10,7 @@ metric and variant, and ``ablation.json``::
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,11 +21,13 @@ from runtime.errors import SimulationError
 from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
+    MEAN,
     TESTS,
     ComparisonLine,
     Questions,
     Test,
     compare,
+    comparison_rows,
     comparison_table,
     legend,
     samples_of,
@@ -34,7 +37,6 @@ from runtime.experiments.execution import (
     DIAGRAMS,
     TABLE,
     ExperimentPlan,
-    Outcome,
     Row,
     RunOptions,
     Study,
@@ -42,19 +44,37 @@ from runtime.experiments.execution import (
     VariantRetention,
     write_checked,
 )
+from runtime.experiments.tables import TrialTable, html_table
 from runtime.files import own_folder, system_errors, write_whole
+from runtime.runs import Figures
 from runtime.terminal import Progress
 
 
-@dataclass
-class AblationResult(Outcome):
-    """An ablation that has ended: its rows by variant, and the table made from them."""
+@dataclass(repr=False)
+class AblationTable(TrialTable):
+    """An ablation that has ended: its rows by variant, and the table made from them.
+
+    ``folder`` is as that of :class:`SweepTable`.
+    """
 
     plan: ExperimentPlan
     folder: Path
     test: Test
     rows: dict[str, list[Row]] = field(default_factory=dict)
     is_interrupted: bool = False
+
+    def all_rows(self) -> Iterable[Row]:
+        return (row for rows in self.rows.values() for row in rows)
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Their names, the baseline first."""
+        return tuple(variant.name for variant in self.plan.variants)
+
+    @property
+    def essential(self) -> Mapping[str, str]:
+        """The blocks that cannot be removed alone, with the reasons."""
+        return self.plan.essential
 
     @cached_property
     def lines(self) -> list[ComparisonLine]:
@@ -77,7 +97,7 @@ class AblationResult(Outcome):
 
     @property
     def exit_code(self) -> int:
-        is_ok = any(row.status == "ok" for rows in self.rows.values() for row in rows)
+        is_ok = any(row.status == "ok" for row in self.all_rows())
         return 0 if is_ok else SimulationError.exit_code
 
     def to_dict(self) -> dict[str, Any]:
@@ -120,10 +140,50 @@ class AblationResult(Outcome):
             notes += ["", "essential, cannot be removed alone:"]
         return notes + [f"  {name}: {reason}" for name, reason in self.plan.essential.items()]
 
+    @property
     def text(self) -> str:
         """The table with its head and notes, as the command prints it."""
         shown = comparison_table(self.lines, self.plan.units, self.plan.never)
-        return "\n".join([self.head, shown, "", *self.notes(), ""])
+        return "\n".join([self.head, shown, "", *self.notes()])
+
+    @property
+    def html(self) -> str:
+        """The table as a notebook shows it."""
+        rows = comparison_rows(self.lines, self.plan.units, self.plan.never)
+        return html_table(self.head, rows, self.notes())
+
+    def line(self, variant: str, metric: str, statistic: str = MEAN) -> ComparisonLine:
+        """The comparison of one metric of one variant.
+
+        Parameters
+        ----------
+        statistic : ``mean``, or of a file with ``quantile`` or ``worst`` such as ``0.9-quantile``.
+
+        Raises
+        ------
+        KeyError : there is no such variant, metric or statistic.
+        """
+        for each in self.lines:
+            if (each.variant, each.metric, each.statistic) == (variant, metric, statistic):
+                return each
+        metrics = ", ".join(dict.fromkeys(each.metric for each in self.lines))
+        variants = ", ".join(self.variants)
+        raise KeyError(
+            f"no line for '{variant}' and '{metric}' ({statistic}); "
+            f"variants: {variants}; metrics: {metrics}"
+        )
+
+    def plot(self) -> Figures:
+        """The ablation's figure."""
+        from runtime.experiments.analysis.ablation_plots import ablation_figure
+
+        return Figures({"ablation": ablation_figure(self.folder)})
+
+    def __repr__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return self.html + self.plot()._repr_html_()
 
     def _variant(self, variant: VariantBundle) -> dict[str, Any]:
         graph = variant.graph
@@ -143,7 +203,7 @@ class AblationResult(Outcome):
 
 def run_ablation(
     plan: ExperimentPlan, options: RunOptions, progress: Progress, test: Test = "auto"
-) -> AblationResult:
+) -> AblationTable:
     """Run the trials of the baseline and of all variants that have no row in the index yet.
 
     The trajectory with the first seed is kept for each variant, under ``runs``.
@@ -160,7 +220,7 @@ def run_ablation(
     for own in rows.values():
         own.sort(key=lambda row: row.trial)
     folder = options.folder
-    done = AblationResult(plan, folder, test, rows, study.is_interrupted)
+    done = AblationTable(plan, folder, test, rows, study.is_interrupted)
     if not done.is_interrupted:
         write_checked(folder / TABLE, done.to_dict())
         _draw_diagrams(plan, folder)

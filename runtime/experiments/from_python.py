@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from runtime.document import Value
 from runtime.errors import UsageError
-from runtime.experiments.ablation import AblationResult, run_ablation
+from runtime.experiments.ablation import AblationTable, run_ablation
 from runtime.experiments.analysis import Test
 from runtime.experiments.design import (
     Experiment,
@@ -29,15 +29,13 @@ from runtime.experiments.design import (
     read_experiment,
 )
 from runtime.experiments.execution import RunOptions, ablation_plan, pool_factory, sweep_plan
-from runtime.experiments.sweeping import SweepResult, run_sweep
-from runtime.experiments.tables import AblationTable, SweepTable, TuningTable
-from runtime.experiments.tuning import TuningResult, run_tuning, tuning_plan
+from runtime.experiments.sweeping import SweepTable, run_sweep
+from runtime.experiments.tuning import TuningTable, run_tuning, tuning_plan
 from runtime.files import slug
 from runtime.graph import Graph, load
 from runtime.terminal import Progress
 
 Source = Graph | str | Path | Mapping[str, Value]
-ResultT = TypeVar("ResultT", SweepResult, AblationResult, TuningResult)
 TableT = TypeVar("TableT", SweepTable, AblationTable, TuningTable)
 
 
@@ -109,11 +107,11 @@ def sweep(
     request = Request.of(entries, vary=(vary or {}).items(), variants=(variants or {}).items())
     plan = sweep_plan(request.added_to(_experiment(graph)))
 
-    def run(target: Path) -> SweepResult:
+    def run(target: Path) -> SweepTable:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed, keep)
         return run_sweep(plan, options, Progress(plan.name))
 
-    return _table(folder, plan.name, run, SweepTable.of)
+    return _table(folder, plan.name, run)
 
 
 def ablate(
@@ -171,11 +169,11 @@ def ablate(
     request = Request.of(entries, vary=values, variants=named)
     plan = ablation_plan(request.added_to(_experiment(graph)))
 
-    def run(target: Path) -> AblationResult:
+    def run(target: Path) -> AblationTable:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
         return run_ablation(plan, options, Progress(plan.name), test)
 
-    return _table(folder, plan.name, run, AblationTable.of)
+    return _table(folder, plan.name, run)
 
 
 def tune(
@@ -237,11 +235,11 @@ def tune(
     )
     plan = tuning_plan(request.added_to(_experiment(graph)))
 
-    def run(target: Path) -> TuningResult:
+    def run(target: Path) -> TuningTable:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
         return run_tuning(plan, options, Progress(plan.name))
 
-    return _table(folder, plan.name, run, TuningTable.of)
+    return _table(folder, plan.name, run)
 
 
 def _options(
@@ -262,8 +260,7 @@ def _options(
 def _table(
     folder: str | Path | None,
     name: str,
-    run: Callable[[Path], ResultT],
-    table_of: Callable[[ResultT], TableT],
+    run: Callable[[Path], TableT],
 ) -> TableT:
     """Run an experiment, and make its table.
 
@@ -272,10 +269,11 @@ def _table(
     """
     scratch = None if folder is not None else Path(tempfile.mkdtemp(prefix="spikeblocks-"))
     try:
-        done = run(Path(folder) if scratch is None else scratch / name)  # type: ignore[arg-type]
-        if done.is_interrupted:
+        table = run(Path(folder) if folder is not None else Path(scratch or "") / name)
+        if table.is_interrupted:
             raise KeyboardInterrupt
-        table = table_of(done)
+        if isinstance(table, SweepTable):
+            table.all_rows()  # are read now: the folder may be changed later
     except BaseException:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)

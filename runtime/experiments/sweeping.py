@@ -1,6 +1,6 @@
 """Run a sweep: from its plan to its summary.
 
-In: a plan with a design, and where it is run. Out: :class:`SweepResult`, ``index.csv`` with a row
+In: a plan with a design, and where it is run. Out: :class:`SweepTable`, ``index.csv`` with a row
 for each trial, and ``summary.json`` with the best configurations. An interrupted sweep runs only
 the trials that have no row::
 
@@ -9,43 +9,74 @@ the trials that have no row::
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import SimulationError
 from runtime.experiments.analysis import (
+    ANY,
+    NEVER,
     SAME,
     SAME_RUNS,
+    Estimate,
     Tally,
     chosen_among,
+    gather,
     interval,
     mean_of,
 )
+from runtime.experiments.design import Objective
 from runtime.experiments.execution import (
+    INDEX,
     SUMMARY,
     ExperimentPlan,
-    Outcome,
+    Row,
     RunOptions,
     Study,
     TrialRetention,
+    read_rows,
 )
+from runtime.experiments.tables import TrialTable, html_table, values_of
 from runtime.files import write_json
-from runtime.terminal import Progress, short, with_unit
+from runtime.runs import Figures
+from runtime.terminal import Progress, short, table, with_unit
 
+MOST = 20  # configurations that are shown
+HALF = "±: half of the 95 % interval of the mean over the seeds."
+SOME = "n/N: n of N seeds have a value; the mean is over those."
 SPREAD = ", mean and 95 % interval over seeds"
 MEANS = ", mean over seeds"
 
 
-@dataclass
-class SweepResult(Outcome):
-    """A sweep that has ended, or was interrupted."""
+@dataclass(frozen=True)
+class SweepConfiguration:
+    """One combination of factors' values, with the mean of each metric over the seeds.
+
+    ``ok`` counts the trials that ended well; an estimate's ``n`` counts those with a value.
+    """
+
+    values: Mapping[str, object]
+    ok: int
+    metrics: Mapping[str, Estimate]
+
+
+@dataclass(repr=False)
+class SweepTable(TrialTable):
+    """A sweep that has ended, or was interrupted; ``best`` is by the objective.
+
+    ``folder`` is for ``runtime report``; without a folder of your own it is a temporary one, which
+    is removed together with this object.
+    """
 
     plan: ExperimentPlan
     folder: Path
     tally: Tally
     wall_s: float
     is_interrupted: bool = False
+    _rows_read: Sequence[Row] | None = field(default=None, init=False)
 
     @property
     def so_far(self) -> str:
@@ -78,6 +109,7 @@ class SweepResult(Outcome):
             "wall_s": round(self.wall_s, 3),
         }
 
+    @property
     def text(self) -> str:
         """The best configurations, as the command prints them."""
         plan, tally = self.plan, self.tally
@@ -111,8 +143,109 @@ class SweepResult(Outcome):
             lines.append(chosen_among(tried))
         return "\n".join([*lines, *[f"{SAME}: {SAME_RUNS}"] * any(same)])
 
+    def all_rows(self) -> Sequence[Row]:
+        """The rows of its index, read once."""
+        if self._rows_read is None:
+            path, columns = self.folder / INDEX, self.plan.columns
+            self._rows_read = tuple(read_rows(path, columns))
+        return self._rows_read
 
-def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> SweepResult:
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """The paths of the factors."""
+        return self.plan.columns.factors
+
+    @property
+    def objective(self) -> Objective | None:
+        """What ``best`` means."""
+        return self.plan.objective
+
+    @cached_property
+    def configurations(self) -> tuple[SweepConfiguration, ...]:
+        """The combinations of the factors' values, in the order of the plan."""
+        plan = self.plan
+        groups = sorted(gather(self.all_rows(), len(self.seeds)), key=lambda group: group.number)
+        return tuple(
+            SweepConfiguration(
+                values_of(plan.columns, group.cells),
+                sum(row.status == "ok" for row in group.rows),
+                {
+                    name: group.estimate(i, plan.ends.get(name, ANY))
+                    for i, name in enumerate(plan.metrics)
+                },
+            )
+            for group in groups
+        )
+
+    @property
+    def best(self) -> SweepConfiguration | None:
+        """The best configuration among those with a value of the objective for every seed."""
+        goal = self.objective
+        if goal is None:
+            return None
+        metric, most = goal.metric, len(self.seeds)
+        candidates = [each for each in self.configurations if each.metrics[metric].is_over(most)]
+        return min(candidates, key=lambda each: goal.of(each.metrics[metric].mean), default=None)
+
+    def plot(self) -> Figures:
+        """The sweep's figures by their names."""
+        from runtime.experiments.analysis.sweep_plots import sweep_figures
+
+        return Figures(sweep_figures(self.folder))
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        metrics = list(self.configurations[0].metrics) if self.configurations else []
+        is_ok = all(each.ok == len(self.seeds) for each in self.configurations)
+        ok = () if is_ok else ("ok",)
+        rows = [(*self.factors, *ok, *(with_unit(name, self.units) for name in metrics))]
+        for each in self.configurations[:MOST]:
+            values = (_cell(value) for value in each.values.values())
+            share = () if is_ok else (f"{each.ok}/{len(self.seeds)}",)
+            means = (self._mean(name, each) for name, each in each.metrics.items())
+            rows.append((*values, *share, *means))
+        return rows
+
+    def _mean(self, metric: str, estimate: Estimate) -> str:
+        """A mean with half of its interval, and how many seeds have a value if not all."""
+        return mean_of(estimate, len(self.seeds), self.never.get(metric, NEVER), spread=True)
+
+    def _head(self) -> str:
+        count = len(self.configurations)
+        return f"sweep {self.name}: {count} configurations x {len(self.seeds)} seeds: " + (
+            self._counts()
+        )
+
+    def _notes(self) -> list[str]:
+        notes = []
+        if len(self.configurations) > MOST:
+            notes.append(f"... and {len(self.configurations) - MOST} more configurations")
+        best = self.best
+        if best is not None and self.objective is not None:
+            goal = "smallest" if self.objective.goal == "minimize" else "largest"
+            chosen = ", ".join(f"{path}={_cell(value)}" for path, value in best.values.items())
+            found, count = best.metrics[self.objective.metric], len(self.configurations)
+            never = self.never.get(self.objective.metric, NEVER)
+            mean = mean_of(found, len(self.seeds), never, spread=count == 1)
+            metric = with_unit(self.objective.metric, self.units)
+            notes.append(f"{goal} {metric}: {mean} at {chosen or 'its only configuration'}")
+            notes += [chosen_among(count)] * (count > 1 and not found.is_same)
+        estimates = [e for each in self.configurations for e in each.metrics.values()]
+        notes += [HALF] * any(each.n > 1 for each in estimates)
+        notes += [f"{SAME}: {SAME_RUNS}."] * any(each.is_same for each in estimates)
+        seeds = len(self.seeds)
+        notes += [SOME] * any(each.n and not each.is_over(seeds) for each in estimates)
+        return [*notes, *self._failures()]
+
+    def __repr__(self) -> str:
+        rows = self._rows()
+        shown = table(rows, range(len(rows[0])), indent="  ")
+        return "\n".join([self._head(), shown, *self._notes()])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._head(), self._rows(), self._notes()) + self.plot()._repr_html_()
+
+
+def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> SweepTable:
     """Run the trials of a plan that have no row in the index yet.
 
     Raises
@@ -124,6 +257,10 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
         for row in study.all_rows():
             tally.add(row)
             study.show(tally.line(plan.columns.factors))
-    result = SweepResult(plan, options.folder, tally, study.wall_s, study.is_interrupted)
+    result = SweepTable(plan, options.folder, tally, study.wall_s, study.is_interrupted)
     write_json(options.folder / SUMMARY, result.to_dict())
     return result
+
+
+def _cell(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -20,7 +20,7 @@ from runtime.cli.commands.workers import (
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
-    from runtime.experiments import AblationResult
+    from runtime.experiments import AblationTable
 
 HELP = "compare a baseline and variants on the same seeds"
 ABOUT = """
@@ -81,7 +81,7 @@ def run(options: Namespace) -> int:
     return conclude(options, done)
 
 
-def _tell_notes(done: AblationResult) -> None:
+def _tell_notes(done: AblationTable) -> None:
     for variant in done.plan.variants:
         for note in variant.graph.notes:
             tell(f"note: {variant.name}: {note}")

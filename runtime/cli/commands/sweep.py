@@ -56,5 +56,5 @@ def run(options: Namespace) -> int:
     for reason in result.tally.top_reasons() * (not options.json):
         tell(f"  {reason['count']} x {reason['reason']}")
     if result.is_interrupted:
-        show_results(options, result.to_dict(), result.text())
+        show_results(options, result.to_dict(), f"{result.text}\n")
     return conclude(options, result)

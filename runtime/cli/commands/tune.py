@@ -19,7 +19,7 @@ from runtime.errors import UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
-    from runtime.experiments import TuningResult
+    from runtime.experiments import TuningTable
     from runtime.experiments.design import Experiment
 
 HELP = "find values that minimise metrics; judge them on held-out runs"
@@ -135,7 +135,7 @@ def _repeat(options: Namespace, experiment: Experiment) -> int:
     return conclude(options, result, figures=False)
 
 
-def _write(experiment: Experiment, result: TuningResult, force: bool) -> int:
+def _write(experiment: Experiment, result: TuningTable, force: bool) -> int:
     """Write the best values into the file, if they are better; returns the exit code."""
     from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING, write_values
 

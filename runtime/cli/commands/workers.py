@@ -199,7 +199,7 @@ def conclude(options: Namespace, result: Outcome, *, figures: bool = True) -> in
         from runtime.experiments.drawing import draw_figures
 
         pictures = draw_figures(result, options.style, options.figures)
-    show_results(options, result.to_dict(), result.text(), pictures)
+    show_results(options, result.to_dict(), f"{result.text}\n", pictures)
     return result.exit_code
 
 

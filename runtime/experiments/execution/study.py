@@ -47,6 +47,7 @@ class Outcome(ABC):
     def to_dict(self) -> dict[str, Any]:
         """What its JSON file holds."""
 
+    @property
     @abstractmethod
     def text(self) -> str:
         """What its command prints before the folder."""

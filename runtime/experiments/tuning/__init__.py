@@ -10,7 +10,7 @@ from runtime.experiments.tuning.contest import (
 )
 from runtime.experiments.tuning.judging import Judgement
 from runtime.experiments.tuning.plan import TUNING, tuning_plan
-from runtime.experiments.tuning.result import NOT_DISTINGUISHABLE, NOTHING, TuningResult
+from runtime.experiments.tuning.result import NOT_DISTINGUISHABLE, NOTHING, TuningTable
 from runtime.experiments.tuning.running import run_tuning
 from runtime.experiments.tuning.scores import Candidate
 from runtime.experiments.tuning.writing import check_writable, write_values

@@ -40,7 +40,7 @@ from runtime.experiments.design import Experiment, RunSet, slugs
 from runtime.experiments.execution import Note, Outcome, RunOptions, write_checked
 from runtime.experiments.tuning.judging import held_out_values
 from runtime.experiments.tuning.plan import BASELINE, TuningPlan, contestant_plan
-from runtime.experiments.tuning.result import TuningResult
+from runtime.experiments.tuning.result import TuningTable
 from runtime.experiments.tuning.running import run_tuning
 from runtime.experiments.tuning.scores import Candidate
 from runtime.terminal import Progress, number, table
@@ -60,7 +60,7 @@ class ContestResult(Outcome):
 
     name: str
     folder: Path
-    tunings: dict[str, list[TuningResult]] = field(default_factory=dict)
+    tunings: dict[str, list[TuningTable]] = field(default_factory=dict)
     margins: Mapping[str, float | str] = field(default_factory=dict)
     is_interrupted: bool = False
 
@@ -127,6 +127,7 @@ class ContestResult(Outcome):
             "table": [line.to_dict() for line in self.lines],
         }
 
+    @property
     def text(self) -> str:
         """The tunings, the table, and how far tunings agree."""
         plan, tuning = self.plan, self.plan.tuning
@@ -141,7 +142,7 @@ class ContestResult(Outcome):
             lines += ["", comparison_table(self.lines, plan.units, plan.never), ""]
             lines += [legend(self.lines, paired=self._paired, how=HOW)]
             lines += [ONCE] * self.is_once
-        return "\n".join([*lines, *self._failures(), *agreement(self.to_dict()), ""])
+        return "\n".join([*lines, *self._failures(), *agreement(self.to_dict())])
 
     @property
     def _unit(self) -> str:
@@ -152,13 +153,13 @@ class ContestResult(Outcome):
     def _paired(self) -> str:
         return f"{next(iter(self.tunings))}, or to the one named, on the same {self._unit}"
 
-    def _row(self, tuning: TuningResult) -> list[str]:
+    def _row(self, tuning: TuningTable) -> list[str]:
         one, plan = entered(tuning), tuning.plan
         values = [] if one.values is None else zip(plan.paths, plan.cells(one.values), strict=True)
         shown = ", ".join(f"{path}={value}" for path, value in values) or "its own"
         shown += "".join(f"; not {constraint}" for constraint in violated(tuning))
         metrics = [] if one.score is None else [one.score.metrics[m] for m in plan.tuning.metrics]
-        tried = len(tuning.candidates) - 1
+        tried = len(tuning.configurations) - 1
         return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
 
 
@@ -207,13 +208,13 @@ def agreement(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name}: {metric} of {many} tunings from {ends}{ratio}{bad}"
 
 
-def entered(tuning: TuningResult) -> Candidate:
+def entered(tuning: TuningTable) -> Candidate:
     """The held-out runs of a tuning's winner, or of its own values if it has none."""
     winner = tuning.winners[0].number if tuning.winners else BASELINE
     return tuning.held_out[winner]
 
 
-def violated(tuning: TuningResult) -> list[str]:
+def violated(tuning: TuningTable) -> list[str]:
     """The constraints that the held-out runs violate; in training, a winner meets them all.
 
     Not those of a metric without a value: its runs failed, which is told as such.
@@ -291,16 +292,16 @@ def _runs(runs: RunSet) -> str:
     return f"seeds {runs.seeds}; conditions {', '.join(runs.names)}"
 
 
-def _tuning_data(tuning: TuningResult) -> dict[str, Any]:
+def _tuning_data(tuning: TuningTable) -> dict[str, Any]:
     one = entered(tuning)
     paths = tuning.plan.paths
-    status = Counter(each.status for each in tuning.candidates[1:])
-    rows = [row for each in (*tuning.candidates, one) for row in each.rows.values()]
+    status = Counter(each.status for each in tuning.configurations[1:])
+    rows = [row for each in (*tuning.configurations, one) for row in each.rows.values()]
     reasons = Counter(row.reason for row in rows if row.status != "ok")
     return {
         "folder": tuning.folder.name,
         "sampling_seed": tuning.plan.tuning.seed,
-        "trials": len(tuning.candidates) - 1,
+        "trials": len(tuning.configurations) - 1,
         "runs": tuning.runs,
         "stopped": status["stopped"],
         "without_value": status["no value"],

@@ -1,6 +1,6 @@
 """What a tuning has found, prints and stores: its front, and training beside held-out.
 
-In: configurations with their runs. Out: :class:`TuningResult`, which gives the output of the
+In: configurations with their runs. Out: :class:`TuningTable`, which gives the output of the
 command, and the content of ``tuning.json``.
 """
 
@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -39,29 +41,33 @@ NOT_DISTINGUISHABLE = "not distinguishable from the graph's own values"
 FEW = "few"
 
 
-@dataclass
-class TuningResult(Outcome):
+@dataclass(repr=False)
+class TuningTable(Outcome):
     """A tuning that has ended, or was interrupted.
 
-    ``candidates`` are all configurations that were tried, the baseline first, with their training
-    runs; ``winners`` are those in the front of the training runs, without the baseline;
-    ``held_out`` the held-out runs of the baseline and of the winners, by number.
+    Parameters
+    ----------
+    configurations : all that were tried with their training runs, the graph's own values first.
+    winners : the best one, or the front, of the training runs; at most five. Empty if nothing is
+        better than the graph's own values.
+    held_out : the held-out runs of the graph's own values and of the winners, by number.
+    folder : as that of :class:`SweepTable`.
     """
 
     plan: TuningPlan
     folder: Path
-    candidates: list[Candidate]
-    winners: list[Candidate] = field(default_factory=list)
+    configurations: list[Candidate]
+    winners: Sequence[Candidate] = ()
     held_out: dict[int, Candidate] = field(default_factory=dict)
     wall_s: float = 0.0
     is_interrupted: bool = False
 
     @cached_property
     def judgements(self) -> list[Judgement]:
-        """The baseline and the winners on both sets of runs; empty before the held-out runs."""
+        """The graph's own values and the winners on the training and on the held-out runs."""
         if not self.held_out:
             return []
-        return judge(self.plan, self.candidates, self.winners, self.held_out)
+        return judge(self.plan, self.configurations, self.winners, self.held_out)
 
     @cached_property
     def verdicts(self) -> dict[int, Verdict]:
@@ -69,20 +75,33 @@ class TuningResult(Outcome):
         return verdicts(self.plan, self.held_out, self.judgements)
 
     @property
-    def better(self) -> list[Candidate]:
-        """The winners of which the held-out runs show that they are better."""
+    def better(self) -> tuple[Candidate, ...]:
+        """The winners of which the held-out runs show that they are better: by a test, or because
+        the seed changes nothing."""
         found = self.verdicts
-        return [one for one in self.winners if found.get(one.number) == "better"]
+        return tuple(one for one in self.winners if found.get(one.number) == "better")
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The paths of the factors."""
+        return self.plan.paths
+
+    @property
+    def best(self) -> dict[str, object]:
+        """The values of the first of ``better`` by path; empty if there is none."""
+        if not self.better:
+            return {}
+        return dict(zip(self.paths, self.better[0].values or (), strict=True))
 
     @property
     def has_feasible(self) -> bool:
         """Whether a configuration, or the graph itself, satisfies the constraints."""
-        return bool(front(self.candidates))
+        return bool(front(self.configurations))
 
     @property
     def runs(self) -> int:
         """The number of training runs."""
-        return sum(len(one.rows) for one in self.candidates)
+        return sum(len(one.rows) for one in self.configurations)
 
     @property
     def so_far(self) -> str:
@@ -95,7 +114,7 @@ class TuningResult(Outcome):
     def to_dict(self) -> dict[str, Any]:
         """What tuning.json holds."""
         plan = self.plan
-        counts = Counter(one.status for one in self.candidates[1:])
+        counts = Counter(one.status for one in self.configurations[1:])
         complete = not self.is_interrupted
         return {
             **plan.header(self.folder),
@@ -108,7 +127,7 @@ class TuningResult(Outcome):
             "held_out_runs": sum(len(one.rows) for one in self.held_out.values()),
             "confidence": CONFIDENCE,
             "correction": CORRECTION,
-            "configurations": [_candidate_data(plan, one) for one in self.candidates],
+            "configurations": [_candidate_data(plan, one) for one in self.configurations],
             "front": [one.number for one in self.winners],
             "better": [one.number for one in self.better],
             "verdicts": {str(number): verdict for number, verdict in self.verdicts.items()},
@@ -116,13 +135,20 @@ class TuningResult(Outcome):
             "wall_s": round(self.wall_s, 3),
         }
 
+    def __repr__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text)}</pre>"
+
+    @property
     def text(self) -> str:
         """What the command prints, without the folder."""
         plan, tuning = self.plan, self.plan.tuning
-        counts = Counter(one.status for one in self.candidates[1:])
+        counts = Counter(one.status for one in self.configurations[1:])
         statuses = ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))
         lines = [
-            f"{plan.name}: {len(self.candidates) - 1} of {tuning.trials} trials "
+            f"{plan.name}: {len(self.configurations) - 1} of {tuning.trials} trials "
             f"by {tuning.sampler}: {statuses}; {self.runs} training runs in {self.wall_s:.1f} s"
         ]
         for name, runs in (("training", tuning.training), ("held out", tuning.held_out)):
@@ -130,7 +156,7 @@ class TuningResult(Outcome):
         if tuning.constraints:
             lines.append(f"constraints: {', '.join(map(str, tuning.constraints))}")
         if not self.winners:
-            return "\n".join([*lines, NOTHING if self.has_feasible else _none_feasible(self), ""])
+            return "\n".join([*lines, NOTHING if self.has_feasible else _none_feasible(self)])
         kind = "winner" if len(tuning.objectives) == 1 else "front"
         lines.append(f"{kind}:")
         for one in self.winners:
@@ -143,7 +169,7 @@ class TuningResult(Outcome):
         if self.held_out:
             lines += ["", table(_rows(self), right=range(2, 8)), ""]
             lines += [_legend(self.judgements, tuning), *_verdicts(self)]
-        return "\n".join([*lines, ""])
+        return "\n".join(lines)
 
 
 def _runs(plan: TuningPlan, key: str) -> dict[str, Any]:
@@ -169,7 +195,7 @@ def _candidate_data(plan: TuningPlan, one: Candidate) -> dict[str, Any]:
     }
 
 
-def _verdicts(result: TuningResult) -> list[str]:
+def _verdicts(result: TuningTable) -> list[str]:
     """What the held-out runs say of the winners that they do not show to be better."""
     found = result.verdicts
     if set(found.values()) <= {"better"}:
@@ -207,8 +233,10 @@ def _legend(lines: list[Judgement], tuning: TuningSettings) -> str:
     return "\n".join(notes)
 
 
-def _none_feasible(result: TuningResult) -> str:
-    best = [one for one in result.candidates[1:] if one.score is not None and one.score.has_values]
+def _none_feasible(result: TuningTable) -> str:
+    best = [
+        one for one in result.configurations[1:] if one.score is not None and one.score.has_values
+    ]
     if not best:
         return "no configuration has a value of every metric in every run"
     closest = min(best, key=lambda one: one.score.violation if one.score else math.inf)
@@ -219,7 +247,7 @@ def _none_feasible(result: TuningResult) -> str:
     )
 
 
-def edges(result: TuningResult) -> list[str]:
+def edges(result: TuningTable) -> list[str]:
     """Which values of winners lie at an end of their range."""
     from runtime.experiments.design import Range
 
@@ -235,7 +263,7 @@ def edges(result: TuningResult) -> list[str]:
     return notes
 
 
-def _rows(result: TuningResult) -> list[list[str]]:
+def _rows(result: TuningTable) -> list[list[str]]:
     units = result.plan.units
     header = ["metric", "values", "training", "difference", "held out", "difference", "overfit"]
     rows = [header]

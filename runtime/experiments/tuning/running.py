@@ -1,6 +1,6 @@
 """Run a tuning: batches of configurations on the training runs, then winners on the held-out.
 
-In: a plan, and where it is run. Out: :class:`TuningResult`. A batch runs stage by stage, a stage
+In: a plan, and where it is run. Out: :class:`TuningTable`. A batch runs stage by stage, a stage
 being one seed under all conditions; after each, hopeless configurations are stopped::
 
     batch 5, 6, 7, 8   seed 0: all four   seed 1: 5 and 8   seed 2: 8, which is complete
@@ -26,7 +26,7 @@ from runtime.experiments.execution import (
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
-from runtime.experiments.tuning.result import TuningResult
+from runtime.experiments.tuning.result import TuningTable
 from runtime.experiments.tuning.scores import Candidate, Scorer, front
 from runtime.files import system_errors
 from runtime.terminal import Progress
@@ -36,7 +36,7 @@ WINNERS = 5  # of a front; each costs as many held-out runs as the baseline
 
 def run_tuning(
     plan: TuningPlan, options: RunOptions, progress: Progress, always_judge: bool = False
-) -> TuningResult:
+) -> TuningTable:
     """Run what has no row in the indices yet.
 
     Parameters
@@ -54,12 +54,12 @@ def run_tuning(
     folder = options.folder
     if options.resume and (folder / PLAN).exists():
         _extend(plan, folder)
-    result = TuningResult(plan, folder, [])
+    result = TuningTable(plan, folder, [])
     # What the optimiser asks for next depends on every row: none is run again.
     with Study(plan, replace(options, again=()), progress) as study:
         held_out = study.open_index(folder / HELD_OUT, plan.held_out_columns)
         _Training(plan, study, result).run()
-        best = [one for one in front(result.candidates) if one.number != BASELINE]
+        best = [one for one in front(result.configurations) if one.number != BASELINE]
         result.winners = _spread(best, WINNERS)
         if result.winners or always_judge:
             _judge(plan, study, held_out, result)
@@ -90,7 +90,7 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
 class _Training:
     """The training runs: batches of configurations, each batch seed by seed."""
 
-    def __init__(self, plan: TuningPlan, study: Study, result: TuningResult) -> None:
+    def __init__(self, plan: TuningPlan, study: Study, result: TuningTable) -> None:
         self.plan, self.study, self.result = plan, study, result
         self.scorer = Scorer(plan.tuning, plan.metrics)
         self.seeds = list(plan.tuning.training.seeds)
@@ -131,7 +131,7 @@ class _Training:
         patience, factors = self.plan.tuning.patience, self.plan.design.factors
         if patience is None:
             return False
-        last = max((one.number for one in front(self.result.candidates)), default=count)
+        last = max((one.number for one in front(self.result.configurations)), default=count)
         return count - last >= patience * len(factors)
 
     def _run_batch(self, batch: Sequence[Candidate]) -> None:
@@ -160,13 +160,13 @@ class _Training:
             candidate.score = self.scorer.score(candidate.rows, self.plan.tuning.training, seeds)
             if not candidate.score.has_values:
                 candidate.status = "no value"
-        self.result.candidates.extend(batch)
+        self.result.configurations.extend(batch)
 
     def _of(self, one: Candidate, trials: Iterable[Trial]) -> Iterator[Trial]:
         return (trial for trial in trials if trial.configuration.number == one.number)
 
     def _stopped(self, one: Candidate, seeds: Sequence[int]) -> bool:
-        if self.scorer.should_stop(one, self.result.candidates, seeds):
+        if self.scorer.should_stop(one, self.result.configurations, seeds):
             one.status = "stopped"
         return one.status == "stopped"
 
@@ -178,7 +178,7 @@ class _Training:
                 optimizer.tell(suggestion, candidate.score.costs, candidate.score.violations)
 
     def _show(self, running: Sequence[Candidate]) -> None:
-        best = front(self.result.candidates)
+        best = front(self.result.configurations)
         note = ""
         if best and best[0].score is not None:
             goals = zip(self.plan.tuning.objectives, best[0].score.costs, strict=True)
@@ -195,7 +195,7 @@ def _seen(one: Candidate, seeds: Sequence[int]) -> list[int]:
     return [seed for seed in seeds if seed in had]
 
 
-def _judge(plan: TuningPlan, study: Study, index: Index, result: TuningResult) -> None:
+def _judge(plan: TuningPlan, study: Study, index: Index, result: TuningTable) -> None:
     chosen: dict[int, Sequence[Any] | None] = {BASELINE: None}
     chosen |= {one.number: one.values for one in result.winners}
     held_out = {number: Candidate(number, values) for number, values in chosen.items()}
