@@ -14,7 +14,7 @@ from weakref import finalize
 
 import numpy as np
 
-from blocks.core import hint
+from blocks.core import misspelt
 from runtime.document import Node, full_path
 from runtime.errors import GraphError, Problems, UsageError, Where
 from runtime.experiments.design.factors import Factor
@@ -125,5 +125,6 @@ def check_metric(graph: Graph, name: str, where: Where, address: str, problems: 
     known = [metric.name for metric in graph.observation.metrics]
     if name not in known:
         has = ", ".join(known) or f"none; {graph.observation.metric_example(name)}"
-        suggestion = hint(name, known) or f"; it has {has}"
-        problems.add(where, address, f"the graph has no metric '{name}'{suggestion}")
+        text = f"the graph has no metric '{name}'"
+        message = misspelt("unknown-name", text, name, known, f"; it has {has}")
+        problems.add(where, address, message)

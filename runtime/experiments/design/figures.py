@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from blocks.core import hint
+from blocks.core import misspelt
 from runtime.document import Node, check_keys, flow_yaml
 from runtime.errors import GraphError, Problems
 from runtime.experiments.design.checks import check_metric
@@ -99,8 +99,12 @@ def read_figure(
     known = [factor.path for factor in factors]
     for key, used in (("over", paths), ("at", list(plain.get("at", {})))):
         for path in (path for path in used if path not in known):
-            suggestion = hint(path, known) or f"; there are {', '.join(known) or 'none'}"
-            problems.add(node.value[key].where, address, f"there is no factor '{path}'{suggestion}")
+            text, other = (
+                f"there is no factor '{path}'",
+                f"; there are {', '.join(known) or 'none'}",
+            )
+            message = misspelt("unknown-name", text, path, known, other)
+            problems.add(node.value[key].where, address, message)
     for key, choices in (("log", LOGS), ("style", STYLES)):
         if key in plain and plain[key] not in choices:
             expected = ", ".join(choices)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from blocks.core import FloatArray, hint
+from blocks.core import FloatArray, misspelt
 from runtime.document import Node
 from runtime.errors import Problems, UsageError
 from runtime.experiments.design.variants import GraphVariant
@@ -88,7 +88,8 @@ def read_measurements(
             _columns(weights, node, f"{place}.weights", problems) if weights else ()
         ):
             if column not in addresses:
-                message = f"there is no such column in signals{hint(column, addresses)}"
+                text = "there is no such column in signals"
+                message: str = misspelt("unknown-name", text, column, addresses)
             elif type(item.value) not in (int, float) or not 0.0 < item.value < math.inf:
                 message = f"expected a number above 0, got {item.describe()}"
             else:
