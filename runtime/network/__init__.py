@@ -6,11 +6,11 @@ room for each step, in this order:
     expansion     $names filled in, a scope for each part     (repetition: copies of a part)
     block_types   names of types -> classes                   build: blocks constructed
     wiring        addresses -> wires between blocks           (addresses, components)
-    removal       without, bypass                             (replacement, discretization: before)
-    inference     signal types and lengths along the wires    (shapes)
+    removal       without, bypass                             (replacement: before)
+    inference     signal types and lengths along the wires    (components)
     units         units that contradict each other            open_inputs: what lacks a wire
-    enabling      parts that are switched                     initial: states of earlier runs
-    contexts      each block's check of its place
+    contexts      each block's check of its place             ticks: steps, and notes on them
+    ports         inputs and outputs of the graph             initial: states of earlier runs
 """
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
@@ -22,10 +22,8 @@ from runtime.network.components import (
     first_column,
     unknown_component,
 )
+from runtime.network.contexts import MAX_BYTES, enables_of, resets, whole_shape
 from runtime.network.declared_port import PortDeclaration
-from runtime.network.discretization import discretize
-from runtime.network.edges import off_ticks
-from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
 from runtime.network.network import Network, NetworkEntry, Wire, check_output
@@ -34,6 +32,6 @@ from runtime.network.other_names import ours_for
 from runtime.network.ports import GraphOutput
 from runtime.network.removal import follow, missing_block
 from runtime.network.repetition import copy_name
-from runtime.network.replacement import replace_block
+from runtime.network.replacement import discretize, replace_block
 from runtime.network.scope import Scope
-from runtime.network.shapes import MAX_BYTES, whole_shape
+from runtime.network.ticks import off_ticks

@@ -16,6 +16,8 @@ from blocks.core import (
     TYPES,
     Block,
     DeclarationError,
+    Names,
+    SettingError,
     SignalType,
     Variant,
     misspelt,
@@ -34,7 +36,7 @@ from blocks.registry import (
     objects_of_module,
     variants_of_module,
 )
-from runtime.document import Node
+from runtime.document import Node, section
 from runtime.errors import Problems, UsageError, raised_at, raised_text
 from runtime.network.other_names import ours_for
 
@@ -265,3 +267,26 @@ def source_file(cls: type[Block]) -> str:
             "put the class into a .py file"
         )
     return str(Path(file).resolve())
+
+
+def written_types(document: Node, problems: Problems) -> dict[str, SignalType]:
+    """The types of the section ``types``, by name."""
+    types = {}
+    for name, node in section(document, "types", "types", problems).items():
+        address = f"types.{name}"
+        if not (name.isidentifier() and name.isascii()) or name in TYPES:
+            what = "is a type of the library" if name in TYPES else "is not a name for a type"
+            problems.add(node.key, address, f"'{name}' {what}; choose another name")
+            continue
+        try:
+            rows = Names.read(node.plain()).rows if node.is_map else ()
+        except (SettingError, ValueError) as error:
+            problems.add(node.where, address, str(error) or "expected units as texts")
+            continue
+        if not rows:
+            message = "expected components with their units, as in {x: m, v: m/s}, got "
+            problems.add(node.where, address, message + node.describe())
+            continue
+        names, units = zip(*rows, strict=True)
+        types[name] = SignalType(name, "record", names, units)
+    return types

@@ -33,24 +33,26 @@ from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import Node, read_run, read_seed, section
 from runtime.errors import MissingExtraError, Problems
-from runtime.network.block_types import block_class, own_types, own_variant, relative_with
-from runtime.network.contexts import check_contexts, failure_text
+from runtime.network.block_types import (
+    block_class,
+    own_types,
+    own_variant,
+    relative_with,
+    written_types,
+)
+from runtime.network.contexts import check_contexts, check_enabling, contact_notes, failure_text
 from runtime.network.defaults import with_defaults
-from runtime.network.edges import contact_notes, edge_notes
-from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.open_inputs import open_notes, report_open_inputs
 from runtime.network.ports import check_defaults, input_entries, with_ports
-from runtime.network.rates import rate_notes
 from runtime.network.removal import remove
-from runtime.network.sampling import sampling
 from runtime.network.scope import INPUTS, Scope
+from runtime.network.ticks import edge_notes, rate_notes, sampling
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
-from runtime.network.written_types import written_types
 
 BLOCK_KEYS = ("type", "module", "dt", "offset", "seed")
 SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")

@@ -20,8 +20,8 @@ from blocks.messages import Note
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
+from runtime.network.contexts import whole_shape
 from runtime.network.network import Network
-from runtime.network.shapes import whole_shape
 from runtime.streaming import DAMAGED, open_arrays
 
 STATES = "states.npz"

@@ -1,4 +1,4 @@
-"""Replacing a block by one of another type: what fits stays, the rest is dropped with a note.
+"""Replacing blocks: by one of another type, where what fits stays; by forms in discrete time.
 
 In: a document, a block's name and a type. Out: the changed document and the notes::
 
@@ -11,15 +11,16 @@ more options to try another controller.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
-from blocks.core import Block, misspelt
+from blocks.core import Block, ParameterError, hint, misspelt
 from blocks.files import resolved
 from blocks.registry import Modules
-from runtime.document import Node, is_part
+from runtime.document import Node, is_part, set_entry
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
+from runtime.network.network import Network
 
 # Entries of probes, plots and metrics whose strings are no addresses.
 SIGNAL_FREE = ("kind", "title", "label", "labels", "unit")
@@ -224,3 +225,52 @@ def _labels_of(entry: Node, items: Node, rest: Node) -> Node:
             ]
             entry = entry.with_item(key, Node(rest_labels, labels.where, labels.key))
     return entry
+
+
+METHODS = ("tustin", "zoh", "matched")
+
+
+def discretize(
+    network: Network,
+    document: Node,
+    method: str,
+    step: float,
+    names: Collection[str] = (),
+    origin: str = "",
+) -> tuple[Node, list[str]]:
+    """The document with blocks, or parts, in discrete time; all that can be, if none is named.
+
+    Raises
+    ------
+    UsageError : there is no such method or block, or it has no form by this method.
+    """
+    place = f"{origin}: " if origin else ""
+    if method not in METHODS:
+        suggestion = hint(method, METHODS) or f"; expected {', '.join(METHODS)}"
+        raise UsageError(f"{place}there is no method '{method}'{suggestion}")
+    for name in names:
+        if not any(n == name or n.startswith(f"{name}.") for n in network.entries):
+            raise UsageError(f"{place}there is no block '{name}'{hint(name, network.entries)}")
+    notes = []
+    done: set[str] = set()
+    for name, entry in sorted(network.entries.items()):
+        within = [each for each in names if name == each or name.startswith(f"{each}.")]
+        if (names and not within) or entry.block_or_none is None or entry.address in done:
+            continue
+        kind = entry.cls.__name__
+        try:
+            block = entry.block.discretized(method, step)
+        except ParameterError as error:
+            why = "; ".join(text for _, text in error.problems)
+            raise UsageError(f"{place}'{name}' ({kind}) stays continuous: {why}") from None
+        if block is None:
+            if name in names:
+                raise UsageError(f"{place}'{name}' ({kind}) has no form in discrete time")
+            continue
+        made = {"type": type(block).__name__, **block.parameters(), "dt": step}
+        document = set_entry(document, entry.address, made, origin)
+        done.add(entry.address)
+        notes.append(f"'{name}' is now a {made['type']} with dt = {step:g} ({method})")
+    if not done:
+        raise UsageError(f"{place}no block has a form in discrete time")
+    return document, notes

@@ -82,8 +82,8 @@ def read_measurements(
             if isinstance(item.value, str):
                 addresses[column] = item.value
             else:
-                message = f"expected the address of a signal, got {item.describe()}"
-                problems.add(item.where, f"{place}.signals.{column}", message)
+                text = f"expected the address of a signal, got {item.describe()}"
+                problems.add(item.where, f"{place}.signals.{column}", text)
         for column, item in (
             _columns(weights, node, f"{place}.weights", problems) if weights else ()
         ):
