@@ -66,7 +66,7 @@ class CompiledBlock:
 
     def fields(self, made: Block, state: BlockState) -> None:
         """Use the parameters and states of another run of the block."""
-        self.words = Words(self.kernel.words)
+        self.words = Words(len(self.kernel.words))
         self.words.fill(self.kernel.fields(made, state))
 
     def _inputs(self, method: str) -> list[SignalType]:
