@@ -87,7 +87,7 @@ COMPUTED = {
     "blocks.core.extras": "an optional package of others",
     "blocks.extensions": "an entry of the library's own, counted as strings; of index.py",
     "blocks.lazy": "what the text of a door imports for type checkers",
-    "runtime.plots.figures": "a painter of another package, or of a graph's own file",
+    "runtime.plots.painters": "a function of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
     "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",
     "benchmarks.peers": "one of its own modules, a peer",

@@ -1,4 +1,4 @@
-"""The texts of a new package: a block, a metric, their test, and the pyproject that offers both.
+"""The texts of a new package: a block, metric, plot and verb, their test, and the pyproject.
 
 texts("my_blocks", "0.1")   # {"pyproject.toml": ..., "src/my_blocks/blocks.py": ..., ...}
 """
@@ -21,7 +21,7 @@ build-backend = "setuptools.build_meta"
 [project]
 name = "PACKAGE"
 version = "0.1.0"
-description = "A block and a metric for spikeblocks"
+description = "A block, a metric, a plot and a verb for spikeblocks"
 requires-python = ">=3.11"
 dependencies = ["spikeblocks>=VERSION"]
 
@@ -35,6 +35,12 @@ Peak = "PACKAGE.blocks:Peak"
 [project.entry-points."spikeblocks.metrics"]
 crest_factor = "PACKAGE.metrics:CREST_FACTOR"
 
+[project.entry-points."spikeblocks.plots"]
+histogram = "PACKAGE.plots:HISTOGRAM"
+
+[project.entry-points."spikeblocks.verbs"]
+wiring = "PACKAGE.wiring"
+
 [tool.setuptools.packages.find]
 where = ["src"]
 
@@ -43,7 +49,7 @@ testpaths = ["tests"]
 """
 
 INIT = '''\
-"""A block and a metric for spikeblocks; pyproject.toml says under which names."""
+"""A block, a metric, a plot and a verb for spikeblocks; pyproject.toml says under which names."""
 '''
 
 BLOCKS = '''\
@@ -94,15 +100,82 @@ def crest_factor(series: Mapping[str, Series], options: Mapping[str, Any]) -> fl
 CREST_FACTOR = MetricKind(crest_factor, "largest magnitude over root mean square", unit="")
 '''
 
+PLOTS = '''\
+"""Plots of PACKAGE."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from runtime.observation import PlotKind, Recording
+
+
+def draw(figure: Any, recordings: Sequence[Recording], end: float) -> Any:
+    """How often each value of the columns was recorded; returns the top axes."""
+    axes = figure.subplots()
+    for recording in recordings:
+        for label, values in zip(recording.labels, recording.columns.T, strict=True):
+            axes.hist(values, bins=50, histtype="step", label=label)
+    return name_axes(axes, recordings[0])
+
+
+def overlay(figure: Any, plot: Any, runs: Mapping[str, Any]) -> Any:
+    """The first column in each run, for `runtime compare` and `--vs`."""
+    axes, name = figure.subplots(), plot.of[0]
+    shown = {label: run.probes[name] for label, run in runs.items() if name in run.probes}
+    for label, recording in shown.items():
+        axes.hist(recording.columns[:, 0], bins=50, histtype="step", label=label)
+    return name_axes(axes, next(iter(shown.values())))
+
+
+def name_axes(axes: Any, recording: Recording) -> Any:
+    unit = f" [{recording.units[0]}]" if recording.units[0] else ""
+    axes.set(xlabel=f"{recording.labels[0]}{unit}", ylabel="rows")
+    axes.legend()
+    return axes
+
+
+HISTOGRAM = PlotKind("how often each value was recorded", draw, overlay)
+'''
+
+VERB = '''\
+"""``runtime wiring``: how many wires each block of a graph has."""
+
+from argparse import ArgumentParser, Namespace
+
+HELP = "how many wires each block of a graph has"
+EXAMPLES = """
+runtime wiring my.yaml
+"""
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("graph", help="a graph file")
+
+
+def run(options: Namespace) -> int:
+    """Print a line for each block; returns the exit code."""
+    import runtime  # it loads NumPy, which --help does without
+
+    graph = runtime.load(options.graph)
+    for name, block in graph.blocks.items():
+        into = sum(wire.target.startswith(f"{name}.") for wire in graph.wires)
+        out = sum(wire.source.startswith(f"{name}.") for wire in graph.wires)
+        print(f"{name} ({block.type}): {into} in, {out} out")
+    return 0
+'''
+
 TEST = '''\
-"""The block keeps the rules, and both compute their closed form for a sine wave."""
+"""The block keeps the rules, and all compute their closed form for a sine wave."""
 
 import math
+from pathlib import Path
 
 import pytest
 import runtime
 from PACKAGE.blocks import Peak
 from runtime import check_block
+from runtime.cli import run
 
 GRAPH = {
     "graph": "wave",
@@ -114,6 +187,7 @@ GRAPH = {
     "wires": {"peak": {"input": "wave.out"}},
     "probes": {"peak": "peak.out"},
     "metrics": {"crest": {"kind": "crest_factor", "of": "wave.out"}},
+    "plots": {"values": {"kind": "histogram", "of": "wave.out"}},
 }
 
 
@@ -127,6 +201,23 @@ def test_a_sine_of_amplitude_2() -> None:
     assert result["peak"][:84].max() == pytest.approx(2 * math.sin(2 * math.pi * 0.083))
     assert result["peak"][250:] == pytest.approx(2.0)
     assert result.metrics["crest"] == pytest.approx(math.sqrt(2.0))
+
+
+def test_the_plot_shows_every_row(tmp_path: Path) -> None:
+    result = runtime.load(GRAPH).run()
+    (axes,) = result.plot("values").axes
+    assert axes.get_ylabel() == "rows"
+    # The outline of a histogram; each of the 1000 rows is in one of its bins.
+    heights = axes.patches[0].get_xy()[1:-1:2, 1]
+    assert heights.sum() == 1000
+
+
+def test_the_verb_counts_wires(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "wave.yaml"
+    runtime.load(GRAPH).save(path)
+    assert run(["wiring", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "wave (Function): 0 in, 1 out" in shown and "peak (Peak): 1 in, 0 out" in shown
 '''
 
 
@@ -149,6 +240,8 @@ def texts(name: str, version: str) -> dict[str, str]:
         f"src/{name}/__init__.py": INIT,
         f"src/{name}/blocks.py": BLOCKS,
         f"src/{name}/metrics.py": METRICS,
+        f"src/{name}/plots.py": PLOTS,
+        f"src/{name}/wiring.py": VERB,
         f"tests/test_{name}.py": TEST,
     }
     return {

@@ -35,6 +35,8 @@ from runtime.observation.plot_options import (
 from runtime.observation.probes import Probe
 
 COMMON = ("kind", "of", "title", "labels", "module")
+# A function, or its name as ``module:function``; '' for none.
+Function = str | Callable[..., Any]
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
 
 
@@ -78,32 +80,49 @@ class PlotSpec:
 
 @dataclass(frozen=True)
 class PlotKind:
-    """A kind of plot.
+    """A kind of plot: what it can show, and how it is drawn.
+
+    A function is given as it is or by its name ``module:function``, imported when the first plot
+    is drawn. Kinds of the library have theirs in ``plots/painters.py``, since what is observed does
+    not know how it is drawn.
 
     Parameters
     ----------
     doc : what it shows.
-    painter : the function that draws it and returns its top axes, or its name ``module:function``,
-        imported when the first one is drawn; its arguments are (figure, recordings, end of the run
-        in s), or (figure, plot, result) for a plot ``in_world`` or ``with_options``. '' for a kind
-        of the library: what is observed does not know how it is drawn, see ``plots/painters.py``.
+    painter : the function that draws it and returns its top axes; its arguments are (figure,
+        recordings, end of the run in s), or (figure, plot, result) for a plot ``in_world`` or
+        ``with_options``.
+    overlay : draws several runs in one figure, and returns its top axes, or None where too few of
+        them recorded the signals: (figure, plot, runs by label, the plot's own first). Without it,
+        each run has a part of the figure.
+    limits : applies the options ``xlim``, ``ylim`` and others of its own: (figure, top axes, plot).
+        Without it, those two limit the top axes.
+    labels : applies the option ``labels`` to other things than lines: (top axes, plot); returns
+        what is left for lines.
+    finish : called last, when all texts and the size are final: (figure, top axes, plot).
     options : its options; ``agrees`` checks conditions across options, with their defaults.
     signals : options that name one more probe or address.
     in_world : whether it needs the graph's world.
     with_options : whether its painter needs the plot's options.
     of_tuning : whether it shows the tuning behind its signals, which needs no run.
+    compared : whether `runtime compare` draws it, beside each probe over time.
     each, together : why it cannot show a probe, or several together; '' if it can.
     has_lead : whether there is nothing to draw without its first signal.
     """
 
     doc: str
-    painter: str | Callable[..., Any] = ""
+    painter: Function = ""
+    overlay: Function = ""
+    limits: Function = ""
+    labels: Function = ""
+    finish: Function = ""
     options: type[Options] = Figure
     agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ordered(options)
     signals: tuple[str, ...] = ()
     in_world: bool = False
     with_options: bool = False
     of_tuning: bool = False
+    compared: bool = False
     each: Callable[[Probe], str] = lambda probe: ""
     together: Callable[[Sequence[Probe]], str] = lambda probes: ""
     has_lead: bool = False
@@ -302,6 +321,8 @@ _OWN: dict[str, PlotKind] = {
     "trajectory": PlotKind(
         "poses, paths and point clouds in the plane",
         options=Plane,
+        with_options=True,
+        compared=True,
         each=_in_plane,
     ),
     "xy": PlotKind(
@@ -364,6 +385,7 @@ _OWN: dict[str, PlotKind] = {
         options=Map,
         signals=("engaged",),
         in_world=True,
+        compared=True,
         each=_poses("map"),
         has_lead=True,
     ),

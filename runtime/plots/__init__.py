@@ -29,15 +29,12 @@ from runtime.plots.log_axes import label_log, power_text
 from runtime.plots.looks import LOOKS, fit, headline, styled
 from runtime.plots.map import (
     contacts,
-    draw_wall_distance,
     draw_world,
-    map_axes,
-    mark_contacts,
     view_limits,
 )
-from runtime.plots.painters import OVERLAID
+from runtime.plots.overlays import complete_runs, draw_panels, panels_of
+from runtime.plots.painters import drawing_of
 from runtime.plots.parts import draw_parts
-from runtime.plots.raster import mean_rate
 from runtime.plots.style import (
     COLOURS,
     GREY,
@@ -46,18 +43,12 @@ from runtime.plots.style import (
     axis_label,
     coincident,
     display_names,
-    draw_series,
     explain_empty,
-    frequency_unit,
     layers,
     line_style,
-    row_spacing,
     run_end,
-    stacked_axes,
     symbol,
-    time_axis,
     write_note,
 )
 from runtime.plots.thinning import thin
 from runtime.plots.titles import facts, separate_notes, write_title
-from runtime.plots.trajectory import draw_trajectory, equal_scales

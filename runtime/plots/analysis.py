@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
-from runtime.observation import Recording
+from runtime.observation import PlotSpec, Recording
 from runtime.plots import style
 from runtime.plots.log_axes import label_log
 
@@ -115,6 +115,29 @@ def draw_xyz(
         figure.legend(handles, labels, loc="outside lower center", ncols=2)
     top: Axes = axes
     return top
+
+
+def limit_space(figure: Figure, top: Axes, plot: PlotSpec) -> None:
+    """Limit the axes of a curve in space, and turn it as the option ``view`` says."""
+    style.set_limits(figure, top, plot)
+    space: Any = top
+    space.set(zlim=plot.options.get("zlim", space.get_zlim()))
+    space.view_init(*plot.definition.options.read(plot.options)["view"])
+    fit_space(space)
+
+
+def label_axes(top: Axes, plot: PlotSpec) -> Sequence[str]:
+    """Two labels of two signals against each other name the axes, which leaves none for lines."""
+    labels = style.line_labels(top, plot)
+    if not len(labels) == len(plot.of) == 2:
+        return labels
+    style.name_axes(top, *labels)
+    return ()
+
+
+def label_spectrum(top: Axes, plot: PlotSpec) -> Sequence[str]:
+    """The labels of the lines; one curve has no legend, and its axis is called power density."""
+    return () if len(top.lines) == 1 else style.line_labels(top, plot)
 
 
 def fit_space(axes: Any) -> None:

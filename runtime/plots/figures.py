@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -26,10 +25,7 @@ from runtime.errors import UsageError, one_line, text_of
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, RunData, plot_kind_names
 from runtime.plots import formulas, looks, style, titles
-from runtime.plots.analysis import fit_space
-from runtime.plots.map import contacts
-from runtime.plots.painters import PAINTERS
-from runtime.plots.trajectory import equal_scales
+from runtime.plots.painters import drawing_of, is_ours
 
 DPI = 150
 NOTEBOOK_DPI = 110
@@ -74,6 +70,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         if plot.options.get("events") in result.probes:
             style.mark_times(figure, result.probes[plot.options["events"]].t)
         arrange(figure, top, plot)
+        drawing = drawing_of(plot)
         # Each of these steps needs what the one before did: titles need the axes' final labels,
         # formulas all texts, the look all sizes, the notes the width, and equal scales the space
         # that all this leaves.
@@ -82,56 +79,36 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         if "size" not in plot.options:
             looks.fit(figure, looks.LOOKS[look])
         titles.separate_notes(figure)
-        if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
-            equal_scales(figure, top)
+        if drawing.finish:
+            drawing.finish(figure, top, plot)
     return figure
 
 
 def paint(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """Draw a plot on an empty figure as its kind does, without titles and options of all kinds."""
-    # A kind of a package names its function as "module:function", and is imported only when it is
-    # drawn.
-    painter = plot.definition.painter or PAINTERS[plot.kind]
-    if isinstance(painter, str):
-        module, _, function = painter.partition(":")
-        painter = getattr(import_module(module), function)
+    drawing = drawing_of(plot)
     if plot.definition.in_world or plot.definition.with_options:
-        top: Axes = painter(figure, plot, result)
-        return top
+        return drawing.painter(figure, plot, result)
     recordings = [result.probes[name] for name in plot.of]
-    if plot.kind == "trajectory":
-        recordings += contacts(plot, [result])
-    top = painter(figure, recordings, style.run_end(result))
-    return top
+    return drawing.painter(figure, recordings, style.run_end(result))
 
 
-def arrange(figure: Figure, top: Axes, plot: PlotSpec) -> None:
-    """Apply the options that every kind of plot takes, and mark the levels of a time series."""
-    options = plot.options
+def arrange(figure: Figure, top: Axes, plot: PlotSpec, names_lines: bool = True) -> None:
+    """Apply the options that every kind of plot takes, and mark the levels of a time series.
+
+    Where lines are of several runs and have their names, ``names_lines`` is false.
+    """
+    options, drawing = plot.options, drawing_of(plot)
     if "band" in options:
         style.shade_band(figure, float(options["band"]))
     if "limits" in options:
         style.mark_levels(top, np.atleast_1d(options["limits"]))
-    if "xlim" in options:
-        top.set_xlim(*options["xlim"])
-        for axes in figure.axes if plot.kind in ("timeseries", "spectrum") else ():
-            style.rescale(axes)
-    if "ylim" in options:
-        top.set_ylim(*options["ylim"])
-    if plot.kind == "xyz":
-        space: Any = top
-        space.set(zlim=options.get("zlim", space.get_zlim()))
-        space.view_init(*plot.definition.options.read(options)["view"])
-        fit_space(space)
+    drawing.limits(figure, top, plot)
     if "size" in options:
         figure.set_size_inches(*options["size"])
-    labels = options.get("labels", ())
-    if plot.kind == "xy" and len(labels) == len(plot.of) == 2:
-        style.name_axes(top, *labels)
-        labels = ()
-    if plot.kind == "spectrum" and len(top.lines) == 1:
-        labels = ()  # one curve has no legend, and its axis is called power density
-    style.name_lines(figure, labels, bool(options.get("legend", True)))
+    labels = drawing.labels(top, plot)
+    is_visible = bool(options.get("legend", True))
+    style.name_lines(figure, labels if names_lines else (), is_visible)
 
 
 def save_plots(
@@ -196,7 +173,7 @@ def _each(
 ) -> list[str]:
     """What a function returns for each plot, shared with a fork where it is allowed and safe."""
     # What a painter of others does in two processes nobody knows.
-    own = all(plot.own is None and plot.kind in PAINTERS for plot in plots)
+    own = all(is_ours(plot) for plot in plots)
     # macOS ends a process that forked after its system libraries were used.
     if share and own and len(plots) > 1 and sys.platform == "linux":
         from runtime.plots.sharing import can_share, shared

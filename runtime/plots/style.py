@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.legend import Legend
     from matplotlib.lines import Line2D
 
-    from runtime.observation import Recording, RunData
+    from runtime.observation import PlotSpec, Recording, RunData
 
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
@@ -142,6 +142,29 @@ def _replace_names(label: str, *names: str) -> str:
     """The label of an axis with other names and the same unit."""
     unit = re.search(r"(?:^|\s)\[([^\[\]]*)\]$", label)
     return axis_label(names, unit[1] if unit else "")
+
+
+def set_limits(figure: Figure, top: Axes, plot: PlotSpec) -> None:
+    """Limit the top axes as the plot's options say."""
+    if "xlim" in plot.options:
+        top.set_xlim(*plot.options["xlim"])
+    if "ylim" in plot.options:
+        top.set_ylim(*plot.options["ylim"])
+
+
+def fit_limits(figure: Figure, top: Axes, plot: PlotSpec) -> None:
+    """Limit the top axes, and fit the vertical axes to what is seen of their lines."""
+    if "xlim" in plot.options:
+        top.set_xlim(*plot.options["xlim"])
+        for axes in figure.axes:
+            rescale(axes)
+    set_limits(figure, top, plot)
+
+
+def line_labels(top: Axes, plot: PlotSpec) -> Sequence[str]:
+    """The option ``labels``, which names the lines."""
+    labels: Sequence[str] = plot.options.get("labels", ())
+    return labels
 
 
 def rescale(axes: Axes) -> None:

@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
-from runtime.observation import Recording
+from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import style
-from runtime.plots.map import CONTACT, mark_contacts
+from runtime.plots.map import CONTACT, contacts, mark_contacts
 
 ARROWS = 10
 MARGIN = 0.06  # of the longer side
@@ -46,7 +46,7 @@ class _Track:
         return self.points[:, :2]
 
 
-def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+def draw_trajectory(figure: Figure, recordings: Sequence[Recording]) -> Axes:
     """Draw trajectories, with headings, over the paths that they follow.
 
     The view shows all poses and the part of each path that is nearest to them.
@@ -55,13 +55,24 @@ def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float)
     ----------
     figure : what to draw on.
     recordings : of poses, paths and point clouds; other signals are ignored.
-    end : end of the run (s).
 
     Returns
     -------
     Axes : the only one.
     """
     return _draw_view(figure, [track for recording in recordings for track in _tracks(recording)])
+
+
+def paint_trajectory(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
+    """Draw the trajectories of a run, and where its robots touched something."""
+    recordings = [result.probes[name] for name in plot.of]
+    return draw_trajectory(figure, [*recordings, *contacts(plot, [result])])
+
+
+def scale_equally(figure: Figure, top: Axes, plot: PlotSpec) -> None:
+    """Give both axes the same scale, unless the plot has limits of its own."""
+    if not {"xlim", "ylim"} & plot.options.keys():
+        equal_scales(figure, top)
 
 
 def draw_paths(figure: Figure, ways: Sequence[Recording], others: Sequence[Recording]) -> Axes:

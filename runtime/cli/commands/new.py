@@ -34,7 +34,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--package",
         metavar="NAME",
-        help="write a package that can be installed, with a block, a metric and a test",
+        help="write a package that can be installed, with a block, metric, plot, verb and test",
     )
 
 

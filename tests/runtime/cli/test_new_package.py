@@ -18,6 +18,14 @@ from runtime.runs import versions
 from tests.conftest import Run
 
 ROOT = Path(__file__).parents[3]
+GRAPH = """graph: drawn
+run: {{dt: 0.01, until: 1.0}}
+blocks:
+  wave: {{type: Function, expression: sin(t)}}
+probes: {{wave: wave.out}}
+plots:
+  values: {{kind: {kind}, of: wave.out}}
+"""
 SETUPTOOLS = int(importlib.metadata.version("setuptools").partition(".")[0])
 
 
@@ -69,12 +77,19 @@ def test_it_installs_and_passes_its_own_test(cli: Run, tmp_path: Path) -> None:
     alone = ("--no-build-isolation", "--no-deps", "--no-index")
     run("pip", "install", *alone, "-e", "my_blocks")
     # The plugin of nengo cannot be loaded by pytest 9.
-    assert "2 passed" in run("pytest", "-p", "no:nengo", "my_blocks")
+    assert "4 passed" in run("pytest", "-p", "no:nengo", "my_blocks")
     listed = json.loads(run("spikeblocks_command", "plugins", "--json"))
     assert listed["failures"] == []
     offers = [each for each in listed["plugins"] if each["package"] == "my_blocks 0.1.0"]
     assert [(each["kind"], each["name"], each["module"]) for each in offers] == [
         ("blocks", "Peak", "my_blocks.blocks:Peak"),
         ("metrics", "crest_factor", "my_blocks.metrics:CREST_FACTOR"),
+        ("plots", "histogram", "my_blocks.plots:HISTOGRAM"),
+        ("verbs", "wiring", "my_blocks.wiring"),
     ]
     assert "Peak" in run("spikeblocks_command", "blocks", "Peak")
+    assert "lqr (LQR): 2 in, 1 out" in run("spikeblocks_command", "wiring", "starters/adaptive")
+    plotted = GRAPH.format(kind="histogram")
+    (tmp_path / "drawn.yaml").write_text(plotted, encoding="utf-8")
+    run("spikeblocks_command", "run", "drawn.yaml", "--vs", "set=wave.expression=cos(t)")
+    assert len(list(tmp_path.glob("runs/drawn/*/plots/values.png"))) >= 1

@@ -18,7 +18,7 @@ from runtime.compare.overlay import versus
 from runtime.observation import PLOT_KINDS
 from runtime.plots.analysis import draw_xy
 from runtime.plots.figures import draw
-from runtime.plots.painters import PAINTERS
+from runtime.plots.painters import OURS
 from tests.runtime.plots.test_map import graph
 
 # A plot of each kind, and the names of its axes from top to bottom: x and y of each, with the units
@@ -83,7 +83,7 @@ def runs(result: runtime.Result) -> list[Run]:
 
 def test_every_kind_has_a_case_and_a_painter() -> None:
     assert CASES.keys() == PLOT_KINDS.keys(), "give the new kind a case here"
-    assert PAINTERS.keys() == PLOT_KINDS.keys()
+    assert OURS.keys() == PLOT_KINDS.keys()
 
 
 @pytest.mark.parametrize("kind", CASES)

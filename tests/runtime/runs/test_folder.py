@@ -412,14 +412,14 @@ def test_a_figure_that_fails_is_a_note(
     acting: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from runtime.plots import save_plots
-    from runtime.plots.painters import PAINTERS
+    from runtime.plots.painters import OURS, Drawing
 
     def painter(figure: Any, recordings: Any, end: float) -> Any:
         axes = figure.subplots()
         axes.set_xlim(0.0, float("nan"))
         return axes
 
-    monkeypatch.setitem(PAINTERS, "heatmap", painter)
+    monkeypatch.setitem(OURS, "heatmap", Drawing(painter))
     acting("pass")
     graph = runtime.load(tmp_path / "g.yaml")
     graph = graph.plot("bad", "heatmap", "seen").plot(
