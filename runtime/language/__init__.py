@@ -18,7 +18,13 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.language.cards import Card, hover
-    from runtime.language.changes import delete_block, place_of, why_not, write_document
+    from runtime.language.changes import (
+        delete_block,
+        place_of,
+        why_not,
+        write_document,
+        write_entries,
+    )
     from runtime.language.completion import Completion, complete
     from runtime.language.diagnostics import Diagnostic, Related, diagnose
     from runtime.language.fixes import Action, actions

@@ -11,8 +11,9 @@ touches; what a file below (``extends``, a part) says is overlaid, not repeated:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from runtime.document import Node, flow_yaml, same
 from runtime.errors import SpikeblocksError, UsageError
@@ -42,6 +43,27 @@ def write_document(model: Model, new: Node) -> str:
     after = _again(model, source)
     if after.syntax or not same(_without_empty(after.document), _without_empty(new)):
         raise UsageError("this change cannot be written into the file; another file says it")
+    return source
+
+
+def write_entries(model: Model, entries: Mapping[Names, Any]) -> str:
+    """The text in which entries of a file, by their path, have other values.
+
+    Of each only the characters of its value are replaced; one that is not there is added.
+
+    Raises
+    ------
+    UsageError : the file has no place for one of them.
+    """
+    source = model.text.source
+    for path, value in entries.items():
+        now = _again(model, source)
+        item = _item(now.root, path)
+        text = flow_yaml(value)
+        if item is None or item.kind == "empty":
+            source = _insert(now, path, text)
+        else:
+            source = _apply(source, [Edit(item.span, text)])
     return source
 
 

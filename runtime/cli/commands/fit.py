@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from runtime.arguments import add_output, integer
 from runtime.cli.commands.changes import add_changes
 from runtime.cli.commands.workers import experiment_of, note_of, show_results
+from runtime.cli.commands.writing import check_writable, write_values
 from runtime.errors import UsageError
 from runtime.terminal import tell
 
@@ -79,8 +80,6 @@ def run(options: Namespace) -> int:
 
     experiment = experiment_of(options)
     if options.write:
-        from runtime.experiments.tuning import check_writable
-
         check_writable(experiment)
     model = model_of(experiment, _measurements(options, experiment.graph), note_of(options))
     # Made before the work, which may take hours.
@@ -103,8 +102,6 @@ def run(options: Namespace) -> int:
     if problem:
         raise UsageError(problem)
     if options.write:
-        from runtime.experiments.tuning import write_values
-
         tell(f"note: the numbers are written into {write_values(experiment, fit.values)}")
     return 0
 

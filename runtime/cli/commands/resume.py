@@ -5,9 +5,9 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 
 from runtime.arguments import Once, add_no_modules, add_output, seconds
+from runtime.cli.commands.run import add_real_time
 from runtime.cli.commands.running import run_graph
 from runtime.cli.commands.showing import present
-from runtime.cli.commands.simulating import add_real_time
 from runtime.terminal import tell
 
 EVERY = 60.0  # s between two checkpoints

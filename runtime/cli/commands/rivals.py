@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import apply
-from runtime.cli.commands.simulating import save_run, simulate_graph
 from runtime.errors import UsageError
-from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,28 +40,6 @@ def rivals(graph: Graph, vs: str | None) -> dict[str, Graph]:
 def _changed(graph: Graph, change: str) -> Graph:
     kind, _, text = change.partition("=")
     return apply(graph, kind, text).check()
-
-
-def run_rivals(
-    graphs: Mapping[str, Graph], graph: Graph, quiet: bool, out: Path
-) -> dict[str, Result]:
-    """The results of the graphs that are compared with ``graph``, by change; their folders are
-    written, and what a change dropped is told."""
-    for change, rival in () if quiet else graphs.items():
-        for note in rival.notes[len(graph.notes) :]:
-            tell(f"note: {change}: {note}")
-    return {change: _rival(rival, quiet, out) for change, rival in graphs.items()}
-
-
-def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
-    from runtime.runs import Draft, new_folder
-
-    draft = Draft(new_folder(out, graph.title))
-    result, failure = simulate_graph(graph, quiet, None, draft)
-    save_run(result, draft)
-    if failure is not None:
-        tell(f"the run that is compared with failed: {failure}")
-    return result
 
 
 def names(change: str, labels: str = "") -> tuple[str, str]:

@@ -6,11 +6,10 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.arguments import Once, add_output, rare, seconds
+from runtime.arguments import Once, add_output, at_least, rare, seconds
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.cli.commands.running import run_graph
 from runtime.cli.commands.showing import present
-from runtime.cli.commands.simulating import add_real_time
 from runtime.errors import UsageError
 
 if TYPE_CHECKING:
@@ -54,6 +53,35 @@ def add(parser: ArgumentParser) -> None:
     add_real_time(parser)
     rare(parser).add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
+
+
+def add_real_time(parser: ArgumentParser) -> None:
+    """Declare the options of a run in real time."""
+    group = rare(parser)
+    group.add_argument(
+        "--real-time",
+        action="store_true",
+        help="let every tick wait for the clock, and report how late ticks were",
+    )
+    group.add_argument(
+        "--speed",
+        action=Once,
+        type=at_least(0.0, above=True),
+        metavar="FACTOR",
+        help="with --real-time: seconds of the graph in one of the clock (1)",
+    )
+    group.add_argument(
+        "--overrun",
+        choices=("catch-up", "skip"),
+        help="with --real-time, where ticks end after the next are due: run without waiting "
+        "until the clock is reached (catch-up, the default), or leave out the due times that "
+        "have passed, and stay behind (skip)",
+    )
+    group.add_argument(
+        "--priority",
+        action="store_true",
+        help="with --real-time: run under SCHED_FIFO, if the system has and allows it",
+    )
 
 
 def run(options: Namespace) -> int:

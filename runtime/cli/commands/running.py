@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands.rivals import names, rivals, run_rivals
-from runtime.cli.commands.simulating import pacing_of, save_run, simulate_graph
+from runtime.cli.commands.rivals import names, rivals
 from runtime.errors import SimulationError, UsageError
 from runtime.terminal import tell
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from blocks.core import FloatArray
     from runtime.engine import Interrupts, Profile
     from runtime.graph import Graph
-    from runtime.runs import Result
+    from runtime.runs import Draft, Pacing, Result
 
 
 @dataclass
@@ -147,3 +146,107 @@ def _profile_rows(profile: Profile, manifest: Mapping[str, Any]) -> list[dict[st
     """The rows of a profile; none of a run without a second tick."""
     later = manifest["ticks"] - 1
     return profile.rows(later, manifest["wall_s"] - manifest["ready_s"]) if later > 0 else []
+
+
+def simulate_graph(
+    graph: Graph,
+    quiet: bool,
+    profile: Profile | None,
+    draft: Draft,
+    every: float = 0.0,
+    source: tuple[Path, Mapping[str, FloatArray]] | None = None,
+    pacing: Pacing | None = None,
+) -> tuple[Result, SimulationError | None]:
+    """The result, and the error that ended the run early, if any.
+
+    ``every`` is the time between two checkpoints (s), ``source`` one to go on from, ``pacing``
+    that of a run in real time.
+    """
+    from runtime.engine import silent
+    from runtime.runs import Result, simulate
+    from runtime.terminal import Progress
+
+    progress = Progress(graph.title, wanted=not quiet)
+    note = silent if quiet else tell
+    try:
+        folder = draft.recordings
+        growing = every > 0.0 or source is not None
+        prepared = graph.prepared(profiled=profile is not None, growing=growing)
+        checkpoints = None
+        if growing:
+            from runtime.runs import Checkpoints
+
+            checkpoints = Checkpoints(folder, every, source)
+        return simulate(prepared, progress, note, profile, folder, checkpoints, pacing), None
+    except SimulationError as error:
+        if not isinstance(error.result, Result):
+            draft.close()
+            raise
+        return error.result, error
+    except BaseException:
+        draft.close()
+        raise
+    finally:
+        progress.close()
+
+
+def save_run(result: Result, draft: Draft) -> Path:
+    """Write the run folder; if that fails, write it to another place with enough room."""
+    from runtime.runs import save_elsewhere
+
+    try:
+        folder = draft.save(result)
+    except UsageError as error:
+        try:
+            folder = save_elsewhere(result, draft.folder.name)
+        except UsageError as other:
+            text = f"{error}; {other}"
+            if draft.recordings.is_dir():
+                text += f"; the recording is left in '{draft.partial}': free some space, then "
+                text += "'runtime clean --recover' makes a run from it"
+            else:
+                draft.close()
+            raise UsageError(text) from None
+        tell(f"{error}; the run is kept in '{folder}'")
+    draft.close()
+    return folder
+
+
+def run_rivals(
+    graphs: Mapping[str, Graph], graph: Graph, quiet: bool, out: Path
+) -> dict[str, Result]:
+    """The results of the graphs that are compared with ``graph``, by change; their folders are
+    written, and what a change dropped is told."""
+    for change, rival in () if quiet else graphs.items():
+        for note in rival.notes[len(graph.notes) :]:
+            tell(f"note: {change}: {note}")
+    return {change: _rival(rival, quiet, out) for change, rival in graphs.items()}
+
+
+def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
+    from runtime.runs import Draft, new_folder
+
+    draft = Draft(new_folder(out, graph.title))
+    result, failure = simulate_graph(graph, quiet, None, draft)
+    save_run(result, draft)
+    if failure is not None:
+        tell(f"the run that is compared with failed: {failure}")
+    return result
+
+
+def pacing_of(options: Namespace) -> Pacing | None:
+    """The pacing of a run in real time; None for one that is as fast as it can be.
+
+    Raises
+    ------
+    UsageError : an option of real time is given without it.
+    """
+    if options.real_time:
+        from runtime.runs import Pacing
+
+        overrun = options.overrun or "catch-up"
+        return Pacing(options.speed or 1.0, overrun, options.priority)
+    for name in ("speed", "overrun", "priority"):
+        if getattr(options, name):
+            raise UsageError(f"--{name}: is for runs that wait for the clock; add --real-time")
+    return None

@@ -15,6 +15,7 @@ from runtime.cli.commands.workers import (
     run_options,
     start_early,
 )
+from runtime.cli.commands.writing import check_writable, write_values
 from runtime.errors import UsageError
 from runtime.terminal import tell
 
@@ -101,7 +102,6 @@ def run(options: Namespace) -> int:
     """Run what has no row yet; print both tables and draw the results."""
     start_early(options)
     from runtime.experiments.tuning import (
-        check_writable,
         run_tuning,
         tuning_plan,
     )
@@ -137,7 +137,7 @@ def _repeat(options: Namespace, experiment: Experiment) -> int:
 
 def _write(experiment: Experiment, result: TuningTable, force: bool) -> int:
     """Write the best values into the file, if they are better; returns the exit code."""
-    from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING, write_values
+    from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING
 
     chosen = result.better or (result.winners if force else [])
     if not chosen:

@@ -13,4 +13,3 @@ from runtime.experiments.tuning.plan import TUNING, tuning_plan
 from runtime.experiments.tuning.result import NOT_DISTINGUISHABLE, NOTHING, TuningTable
 from runtime.experiments.tuning.running import run_tuning
 from runtime.experiments.tuning.scores import Candidate
-from runtime.experiments.tuning.writing import check_writable, write_values

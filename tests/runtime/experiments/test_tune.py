@@ -266,6 +266,10 @@ class TestWriting:
         values = best["configurations"][best["front"][0]]["values"]
         after = draw.read_text()
         assert after.startswith("# A comment\n") and "# to be found" in after
+        level, gain = (values[name] for name in ("draw.level", "params.gain"))
+        assert after == f"# A comment\n{text}".replace("level: 1.0", f"level: {level}").replace(
+            "params: {gain: 2.0}", f"params: {{gain: {gain}}}"
+        )
         graph = runtime.load(draw)
         assert graph.network.entries["draw"].block.value("level") == values["draw.level"]
         assert graph.network.entries["twice"].block.value("gain") == values["params.gain"]

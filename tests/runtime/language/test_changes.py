@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import blocks
-from runtime.document import same
+from runtime.document import parse_scalar, parse_yaml, same
 from runtime.errors import SpikeblocksError, UsageError
 from runtime.graph import Graph
-from runtime.language import Model, delete_block, place_of, why_not, write_document
+from runtime.language import (
+    Model,
+    delete_block,
+    place_of,
+    why_not,
+    write_document,
+    write_entries,
+)
+from runtime.language.items import YamlItem
 from tests.runtime.language.texts import GRAPHS, SURROUNDINGS
 
 TEXT = """# a loop
@@ -153,3 +163,29 @@ def test_what_only_another_file_can_say_is_refused(tmp_path: Path) -> None:
     changed = model.document.with_item("blocks", entries.with_item("g", untyped))
     with pytest.raises(UsageError, match="another file"):
         write_document(model, changed)
+
+
+@pytest.mark.parametrize("path", PATHS[::9], ids=lambda path: path.stem)
+def test_a_number_is_replaced_where_it_is_written(path: Path) -> None:
+    """Of each number of a file only its own characters change, and the file then says the new."""
+    model = Model(path.read_text("utf-8"), path, SURROUNDINGS)
+    for names, item in numbers(model.root, ()):
+        text = write_entries(model, {names: 0.125})
+        before, after = model.text.source[: item.start], model.text.source[item.end :]
+        assert text == f"{before}0.125{after}"
+        assert yaml_at(text, names) == 0.125
+
+
+def numbers(item: YamlItem, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], YamlItem]]:
+    is_plain = item.kind == "scalar" and not item.quoted
+    if is_plain and type(parse_scalar(item.value)) in (int, float):
+        yield names, item
+    for i, inner in enumerate(item.items):
+        yield from numbers(inner, (*names, str(i) if item.kind == "list" else inner.key))
+
+
+def yaml_at(text: str, names: tuple[str, ...]) -> Any:
+    value: Any = parse_yaml(text, "test").plain()
+    for name in names:
+        value = value[int(name)] if isinstance(value, list) else value[name]
+    return value
