@@ -69,8 +69,16 @@ TYPE_COLOURS = {
 OTHER_COLOURS = ("#9f1239", "#3730a3", "#166534", "#854d0e", "#6b21a8")
 # Of 1 kHz, 500, 200, 100, ... 1 Hz: neighbours differ in hue and lightness.
 TINTS = (
-    *("#ffeecf", "#a0ebe4", "#f2ebff", "#ffccb3", "#dbf9e2"),
-    *("#bedcff", "#ffe4ea", "#d8e2a9", "#d1f7ff", "#f9c9f1"),
+    "#ffeecf",
+    "#a0ebe4",
+    "#f2ebff",
+    "#ffccb3",
+    "#dbf9e2",
+    "#bedcff",
+    "#ffe4ea",
+    "#d8e2a9",
+    "#d1f7ff",
+    "#f9c9f1",
 )
 
 
@@ -92,7 +100,7 @@ def _on_paper(picture: Picture, width: float) -> Drawing:
     """A drawing that is as wide as the paper, or narrower where it does not need all of it."""
     largest = LABEL_SIZE / LEAST_TYPE
     drawing = _drawing(picture, largest * width - 2 * PAPER_MARGIN)
-    return replace(drawing.scaled(min(1.0, width / drawing.width)), unit="pt")
+    return replace(drawing.scale(min(1.0, width / drawing.width)), unit="pt")
 
 
 def _drawing(picture: Picture, row: float | None) -> Drawing:
@@ -132,9 +140,13 @@ class _Painter:
             title = self.picture.parts[name].title
             shapes: list[Shape] = [
                 Rect(
-                    *(placement.x, placement.y, placement.width, placement.height, 10.0),
-                    GHOST_FILL if is_out else frame_fill(name),
-                    FRAME_BORDER,
+                    x=placement.x,
+                    y=placement.y,
+                    width=placement.width,
+                    height=placement.height,
+                    radius=10.0,
+                    fill=GHOST_FILL if is_out else frame_fill(name),
+                    stroke=FRAME_BORDER,
                     dashed=is_out,
                 ),
                 TextShape(
@@ -204,9 +216,13 @@ class _Painter:
         is_out = bool(box.fate)
         middle = placement.x + placement.width / 2
         yield Rect(
-            *(placement.x, placement.y, placement.width, placement.height, 7.0),
-            self.palette.box(box),
-            GHOST if is_out else BORDER,
+            x=placement.x,
+            y=placement.y,
+            width=placement.width,
+            height=placement.height,
+            radius=7.0,
+            fill=self.palette.box(box),
+            stroke=GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
         )
@@ -240,9 +256,13 @@ class _Painter:
         size, top = placement.width, placement.y + CIRCLE_TOP
         ink = GHOST if is_out else INK
         yield Rect(
-            *(placement.x, top, size, size, size / 2),
-            self.palette.box(box),
-            GHOST if is_out else BORDER,
+            x=placement.x,
+            y=top,
+            width=size,
+            height=size,
+            radius=size / 2,
+            fill=self.palette.box(box),
+            stroke=GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
         )

@@ -239,7 +239,14 @@ def _box(network: Network, entry: NetworkEntry) -> Box:
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
     box = Box(
-        *(entry.name, entry.short, entry.cls.__name__, period, rate, part, fate, "\n".join(facts))
+        name=entry.name,
+        title=entry.short,
+        type=entry.cls.__name__,
+        period=period,
+        rate=rate,
+        part=part,
+        fate=fate,
+        about="\n".join(facts),
     )
     box.value = value_text(box.type, values)
     return box

@@ -125,7 +125,9 @@ def _add_curve(axes: Axes, curve: CurveShape, order: int) -> None:
 
 def _add_text(axes: Axes, text: TextShape, order: int) -> None:
     axes.text(
-        *(text.x, text.y, text.text),
+        text.x,
+        text.y,
+        text.text,
         fontsize=text.size,
         color=text.fill,
         fontweight="bold" if text.bold else "normal",

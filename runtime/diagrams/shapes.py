@@ -96,10 +96,10 @@ class Drawing:
     top: float = 0.0
     unit: str = ""
 
-    def scaled(self, factor: float) -> Drawing:
+    def scale(self, factor: float) -> Drawing:
         """The same drawing, larger or smaller."""
         groups = [
-            replace(group, shapes=[_scaled(shape, factor) for shape in group.shapes])
+            replace(group, shapes=[_scale(shape, factor) for shape in group.shapes])
             for group in self.groups
         ]
         sizes = {
@@ -111,7 +111,7 @@ class Drawing:
 _LENGTHS = ("x", "y", "width", "height", "radius", "size", "stroke_width")
 
 
-def _scaled(shape: Shape, factor: float) -> Shape:
+def _scale(shape: Shape, factor: float) -> Shape:
     sizes: dict[str, Any] = {
         name: factor * getattr(shape, name) for name in _LENGTHS if hasattr(shape, name)
     }

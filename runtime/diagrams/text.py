@@ -61,7 +61,10 @@ def to_mermaid(picture: Picture) -> str:
     """The diagram for Mermaid: parts as subgraphs, wires named ``output → input``."""
     ids = _identifiers([*picture.boxes, *picture.parts])
     lines = [
-        *("---", f"title: {json.dumps(_plain(picture.title))}", "---", "flowchart LR"),
+        "---",
+        f"title: {json.dumps(_plain(picture.title))}",
+        "---",
+        "flowchart LR",
         *_tree_lines(
             picture,
             lambda box: f'{ids[box.name]}["{_mermaid_label(box)}"]',

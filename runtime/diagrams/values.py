@@ -49,14 +49,14 @@ def _polynomial(coefficients: Any, variable: str) -> str:
         if each == 0.0:
             continue
         factor = "" if abs(each) == 1.0 and power else _number(abs(each))
-        name = "" if power == 0 else variable if power == 1 else f"{variable}{_raised(power)}"
+        name = "" if power == 0 else variable if power == 1 else f"{variable}{_superscript(power)}"
         sign = "−" if each < 0.0 else "+"
         start = ("−" if each < 0.0 else "") if not text else f" {sign} "
         text += start + " ".join(part for part in (factor, name) if part)
     return text or "0"
 
 
-def _raised(power: int) -> str:
+def _superscript(power: int) -> str:
     return str(power).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 

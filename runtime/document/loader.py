@@ -146,7 +146,7 @@ def is_of_another_kind(base: Node, top: Node) -> bool:
     return False
 
 
-def _shipped_beside(path: Path) -> list[str]:
+def _shipped_near(path: Path) -> list[str]:
     """The shipped files in the folder that a name such as ``conditions/lag`` has."""
     if path.is_absolute() or len(path.parts) < 2 or ".." in path.parts:
         return []
@@ -195,7 +195,7 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
         is_folder = bool(name) and (folder / path).is_dir()
         inside = [n for n in RUNNABLE if is_folder and (folder / path / n).is_file()]
         near = [file.name for file in (folder / path).parent.glob(f"*{SUFFIX}")]
-        beside = _shipped_beside(path)
+        beside = _shipped_near(path)
     except OSError as error:
         message = f"'{name[:60]}': {error.strerror}"
         raise GraphError([Problem(*at, message, "missing-file")]) from None
@@ -337,10 +337,10 @@ class _Loader:
             if below is not None:
                 # Of several, a later file lies above the earlier ones, and the graph itself above
                 # all.
-                base = below if base is None else self.merge_charged(base, below, node)
-        return document if base is None else self.merge_charged(base, document, extends)
+                base = below if base is None else self.merge_and_charge(base, below, node)
+        return document if base is None else self.merge_and_charge(base, document, extends)
 
-    def merge_charged(self, base: Node, top: Node, at: Node) -> Node:
+    def merge_and_charge(self, base: Node, top: Node, at: Node) -> Node:
         return merge(base, top, charge=partial(self.charge, at))
 
     def charge(self, at: Node, entries: int) -> None:

@@ -37,12 +37,35 @@ SECTIONS = {
     "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
-    *("graph", "run", "params", "types", "defaults", "inputs", "outputs", "blocks", "wires"),
-    *("without", "bypass", "from", "initial", "probes", "plots", "metrics"),
+    "graph",
+    "run",
+    "params",
+    "types",
+    "defaults",
+    "inputs",
+    "outputs",
+    "blocks",
+    "wires",
+    "without",
+    "bypass",
+    "from",
+    "initial",
+    "probes",
+    "plots",
+    "metrics",
 )
 PART_SECTIONS = (
-    *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
-    *("defaults", "seed"),
+    "params",
+    "inputs",
+    "outputs",
+    "blocks",
+    "wires",
+    "graph",
+    "part",
+    "repeat",
+    "share",
+    "defaults",
+    "seed",
 )
 # Sections whose entries may name files, beside ``blocks``: those with a kind of a user's own.
 FILE_SECTIONS = ("plots", "metrics")

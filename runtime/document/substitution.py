@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from blocks.core import ExpressionError, expression_function, misspelt, similar
-from blocks.messages import Message, RemoveEntry
+from blocks.messages import Message, RemoveEntry, as_message
 from runtime.document.limits import Work
 from runtime.document.node import Node
 from runtime.document.sections import SECTIONS, expected_form, is_part, misspelt_keys
@@ -256,7 +256,7 @@ class _Filler:
 
     def arithmetic(self, node: Node, address: str) -> Node:
         """A value as :meth:`fill` gives it, where a text with names is computed to a number."""
-        return self.walk(node, address, self.computed)
+        return self.walk(node, address, self.compute)
 
     def walk(self, node: Node, address: str, text: Callable[[Node, str], Node]) -> Node:
         if node.is_map:
@@ -292,10 +292,10 @@ class _Filler:
         if any(value is node for value in values.values()):
             self.problems.silence(node.where, address)
             return node
-        known = {name: _written(value.plain()) for name, value in values.items()}
+        known = {name: _as_text(value.plain()) for name, value in values.items()}
         return replace(node, value=_NAME.sub(lambda m: known.get(m[1], m[0]), node.value))
 
-    def computed(self, node: Node, address: str) -> Node:
+    def compute(self, node: Node, address: str) -> Node:
         """The number that a text such as ``$d * 0.5`` stands for."""
         filled = self.in_text(node, address)
         if filled is node:
@@ -303,7 +303,8 @@ class _Filler:
         try:
             number = expression_function(filled.value, {})()
         except ExpressionError as error:
-            message = f"expected arithmetic with numbers, as in '$d * 0.5': {error.message}"
+            text = "expected arithmetic with numbers, as in '$d * 0.5': "
+            message: str = as_message(error.message).within(text)
         except (ArithmeticError, ValueError) as error:
             message = f"cannot compute '{node.value}': {error}"
         else:
@@ -312,7 +313,8 @@ class _Filler:
                 whole = number.is_integer() and not re.search(r"[.]|(?<!/)/(?!/)", filled.value)
                 return replace(node, value=int(number) if whole else number)
             message = "expected one number, got a vector or a matrix"
-        self.problems.add(node.where, address, f"{message} (in '{node.value}')")
+        message = as_message(message).within(after=f" (in '{node.value}')")
+        self.problems.add(node.where, address, message)
         self.problems.silence(node.where, address)
         return node
 
@@ -348,9 +350,9 @@ class _Filler:
         self.missing.add(name)
 
 
-def _written(value: object) -> str:
+def _as_text(value: object) -> str:
     """A value inside a text: in parentheses, unless it is a name or a number that needs none."""
     if isinstance(value, list):
-        return f"[{', '.join(map(_written, value))}]"
+        return f"[{', '.join(map(_as_text, value))}]"
     text = str(value) if isinstance(value, str) else repr(value)
     return text if re.fullmatch(r"[\w.]*(e[+-]?\d+)?", text) else f"({text})"

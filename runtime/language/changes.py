@@ -18,7 +18,7 @@ from typing import Any
 from runtime.document import Node, flow_yaml, same
 from runtime.errors import SpikeblocksError, UsageError
 from runtime.language.formatting import apply_edits
-from runtime.language.insertion import Edit, added_entry, added_name, removed_entry
+from runtime.language.insertion import Edit, add_entry, add_name, remove_entry
 from runtime.language.items import YamlItem
 from runtime.language.mentions import SIGNAL_KEYS
 from runtime.language.model import Model
@@ -202,14 +202,14 @@ def _write(model: Model, path: Names, node: Node | None, new: Node) -> str:
     source, item = model.text.source, _item(model.root, path)
     if node is None:
         if item is not None:
-            source = _apply(source, [removed_entry(model, _outermost(item))])
+            source = _apply(source, [remove_entry(model, _outermost(item))])
         # What a file below says is deleted by a null.
         after = _again(model, source)
         if not after.syntax and _at(after.document, path) is not None:
             source = _insert(after, path, "null")
         return source
     if item is None and path[0] in _NAMES and len(path) == 1 and node.is_list and node.value:
-        return _apply(source, added_name(model, path[0], ", ".join(_names_in(node))))
+        return _apply(source, add_name(model, path[0], ", ".join(_names_in(node))))
     if item is None or item.kind == "empty":
         return _insert(model, path, flow_yaml(node.plain()))
     edits = _list_edits(model, item, node, path)
@@ -221,7 +221,7 @@ def _names_in(node: Node) -> list[str]:
 
 
 def _insert(model: Model, path: Names, text: str) -> str:
-    edits = added_entry(model, path[:-1], path[-1], text)
+    edits = add_entry(model, path[:-1], path[-1], text)
     if edits is None:
         raise UsageError(f"'{'.'.join(path)}' is not written in this file as an entry of its own")
     return _apply(model.text.source, edits)
@@ -253,10 +253,10 @@ def _list_edits(model: Model, item: YamlItem, node: Node, path: Names) -> list[E
     shared = min(len(before), len(after))
     first = next((i for i in range(shared) if not same(before[i], after[i])), shared)
     if len(after) == len(before) - 1 and all(map(same, before[first + 1 :], after[first:])):
-        return [removed_entry(model, item.items[first])]
+        return [remove_entry(model, item.items[first])]
     is_longer = first == len(before) and len(after) == len(before) + 1
     if is_longer and len(path) == 1 and path[0] in _NAMES:
-        return added_name(model, path[0], str(after[-1].value))
+        return add_name(model, path[0], str(after[-1].value))
     return []
 
 

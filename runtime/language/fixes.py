@@ -14,7 +14,7 @@ from blocks.messages import AddEntry, BypassBlock, Fix, InsertBlock, RemoveEntry
 from blocks.registry import BUILTIN
 from runtime.language.cursor import steps
 from runtime.language.diagnostics import Diagnostic, diagnose
-from runtime.language.insertion import Edit, added_entry, added_name, removed_entry
+from runtime.language.insertion import Edit, add_entry, add_name, remove_entry
 from runtime.language.items import YamlItem, deepest
 from runtime.language.model import Model
 from runtime.language.scopes import class_of, scope_at
@@ -54,10 +54,10 @@ def _edits(model: Model, diagnostic: Diagnostic, fix: Fix) -> tuple[str, list[Ed
         edits = [] if span is None else [Edit(span, fix.new)]
         return fix.title or f"Replace by '{fix.new}'", edits
     if isinstance(fix, AddEntry):
-        return fix.title, added_entry(model, fix.path, fix.key, fix.value) or []
+        return fix.title, add_entry(model, fix.path, fix.key, fix.value) or []
     if isinstance(fix, RemoveEntry):
         item = deepest(model.root, diagnostic.span.start)
-        return fix.title, [removed_entry(model, item)] if item.key else []
+        return fix.title, [remove_entry(model, item)] if item.key else []
     if isinstance(fix, BypassBlock):
         return f"Bypass '{fix.block}' instead", _bypass(model, fix.block)
     return _insertion(model, fix)
@@ -93,8 +93,8 @@ def _bypass(model: Model, name: str) -> list[Edit]:
     without = model.root.get("without")
     names = without.scalars() if without is not None else []
     # A block is in one of the two lists only.
-    removed = [removed_entry(model, each) for each in names if each.value == name]
-    return [*added_name(model, "bypass", name), *removed]
+    removed = [remove_entry(model, each) for each in names if each.value == name]
+    return [*add_name(model, "bypass", name), *removed]
 
 
 def _insertion(model: Model, fix: InsertBlock) -> tuple[str, list[Edit]]:
@@ -108,8 +108,8 @@ def _insertion(model: Model, fix: InsertBlock) -> tuple[str, list[Edit]]:
     if item.kind != "scalar" or steps(item)[:1] != ("wires",):
         return "", []
     block = _unused_name(model, f"{fix.target.split('.')[0]}_delay")
-    block_edits = added_entry(model, ("blocks",), block, f"{{type: {fix.type}}}")
-    wire_edits = added_entry(model, ("wires",), block, f"{{{through[0]}: {item.value}}}")
+    block_edits = add_entry(model, ("blocks",), block, f"{{type: {fix.type}}}")
+    wire_edits = add_entry(model, ("wires",), block, f"{{{through[0]}: {item.value}}}")
     if block_edits is None or wire_edits is None:
         return "", []
     edits = [Edit(item.span, f"{block}.{through[1]}"), *block_edits, *wire_edits]
@@ -133,6 +133,6 @@ def _changes(model: Model, offset: int) -> Iterator[Action]:
         return
     scope, _ = scope_at(model, path)
     cls = class_of(model, scope, item.key)
-    yield Action(f"Leave out '{item.key}' (without)", tuple(added_name(model, "without", item.key)))
+    yield Action(f"Leave out '{item.key}' (without)", tuple(add_name(model, "without", item.key)))
     if cls is not None and cls.spec.through is not None:
-        yield Action(f"Bypass '{item.key}'", tuple(added_name(model, "bypass", item.key)))
+        yield Action(f"Bypass '{item.key}'", tuple(add_name(model, "bypass", item.key)))

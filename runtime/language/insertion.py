@@ -22,7 +22,7 @@ class Edit(NamedTuple):
     new: str
 
 
-def added_entry(model: Model, path: tuple[str, ...], key: str, value: str) -> list[Edit] | None:
+def add_entry(model: Model, path: tuple[str, ...], key: str, value: str) -> list[Edit] | None:
     """The edits that add an entry to a mapping, which is made if it is not there.
 
     None if the entry exists, or something else stands in the mapping's place.
@@ -81,7 +81,7 @@ def _section(model: Model, text: str) -> Edit:
     return Edit(Span(len(source), len(source)), lead + text)
 
 
-def added_name(model: Model, section: str, name: str) -> list[Edit]:
+def add_name(model: Model, section: str, name: str) -> list[Edit]:
     """The edits that add a name to ``without`` or ``bypass``."""
     item = model.root.get(section)
     if item is None:
@@ -100,7 +100,7 @@ def added_name(model: Model, section: str, name: str) -> list[Edit]:
     return [Edit(Span(item.start, item.end), f" [{name}]")]
 
 
-def removed_entry(model: Model, item: YamlItem) -> Edit:
+def remove_entry(model: Model, item: YamlItem) -> Edit:
     """The edit that removes an entry: with its lines, or with its comma."""
     source, text = model.text.source, model.text
     begin, end = item.begin, max(item.end, item.key_end, item.colon)

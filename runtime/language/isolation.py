@@ -208,13 +208,17 @@ def _failure(kind: str, value: Any) -> Exception:
     """The error of a class, by the name that it had in the other process."""
     if kind == "failed":
         name, text, place = value
-        error = DeclarationError(text) if name == DeclarationError.__name__ else _made(name, text)
+        error = (
+            DeclarationError(text)
+            if name == DeclarationError.__name__
+            else _rebuild_error(name, text)
+        )
         error.raised_at = place  # type: ignore[attr-defined]
         return error
     return SlowModuleError(str(value))
 
 
-def _made(name: str, text: str) -> Exception:
+def _rebuild_error(name: str, text: str) -> Exception:
     error: Exception = type(name, (Exception,), {})(text)
     return error
 

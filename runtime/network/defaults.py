@@ -24,7 +24,7 @@ Written = tuple[Scope, Node, type[Block]]
 
 def with_defaults(blocks: Sequence[Written], problems: Problems) -> list[Node]:
     """The blocks' entries with the defaults around them; one that nothing takes is a problem."""
-    done = [_filled(*block) for block in blocks]
+    done = [_fill(*block) for block in blocks]
     scopes = {id(above): above for scope, *_ in blocks for above in _upwards(scope)}
     for scope in scopes.values():
         if scope.defaults:
@@ -52,7 +52,7 @@ def _takes(cls: type[Block], key: str) -> bool:
     return key in spec.params or key == "seed"
 
 
-def _filled(scope: Scope, node: Node, cls: type[Block]) -> Node:
+def _fill(scope: Scope, node: Node, cls: type[Block]) -> Node:
     kind = node.get("type")
     name = cls.__name__ if kind is None else str(kind.value)
     filled = node

@@ -73,14 +73,15 @@ def _remove_gathered(
             removed_by[name] = block
             continue
         entry = network.entries[name]
-        message = f"without '{block}', '{_gathered(entry)}' lacks the values of {len(gone)} of its "
-        message += f"{len(sources)} copies, and those of others would move to their places; name "
+        message = f"without '{block}', '{_output_of_copies(entry)}' lacks the values of "
+        message += f"{len(gone)} of its {len(sources)} copies, and those of others would move to "
+        message += "their places; name "
         message += f"what all copies have, as '{network.entries[gone[0].block].plain_name}'"
         problems.add(entry.node.key, entry.scope.address, message)
         problems.silence(NOWHERE, f"{entry.address}.inputs")
 
 
-def _gathered(entry: NetworkEntry) -> str:
+def _output_of_copies(entry: NetworkEntry) -> str:
     """The output of a repeated part that a block gathers."""
     return entry.plain_name.replace(GATHERED, "")
 
@@ -201,7 +202,7 @@ def _bypass_wire(
 
 def _target(entry: NetworkEntry, wire: Wire) -> str:
     """What a wire leads to; past a block that only gathers the values of copies."""
-    return f"what reads '{_gathered(entry)}'" if entry.scope.holds_copies else wire.target
+    return f"what reads '{_output_of_copies(entry)}'" if entry.scope.holds_copies else wire.target
 
 
 def _check_circle(network: Network, node: Node, address: str, problems: Problems) -> None:

@@ -101,7 +101,7 @@ def unit_of(network: Network, end: Endpoint, units: Mapping[Port, str]) -> str:
     if kind is not None and kind.form == "record":
         column = columns(kind, end.component) if end.component else None
         return kind.units[column] if isinstance(column, int) else ""
-    own = not (isinstance(port.type, Same) and port.type.own_unit) or _stated(network, end)
+    own = not (isinstance(port.type, Same) and port.type.own_unit) or _states_units(network, end)
     if kind is not None and kind.rows and own:
         column = columns(kind, end.component) if end.component else 0
         one = end.component or kind.form == "scalar"
@@ -111,7 +111,7 @@ def unit_of(network: Network, end: Endpoint, units: Mapping[Port, str]) -> str:
     return "" if port.type.own_unit else units.get((end.block, port.type.variable), "")
 
 
-def _stated(network: Network, end: Endpoint) -> bool:
+def _states_units(network: Network, end: Endpoint) -> bool:
     """Whether a block states the type of an output itself, with the units of its components."""
     block = network.entries[end.block].block_or_none
     return block is not None and any(kind.rows for kind in block.variables.values())

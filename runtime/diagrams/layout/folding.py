@@ -74,7 +74,7 @@ def fold(layout: DiagramLayout, cells: Sequence[Cell], width: float) -> DiagramL
         row = _row_of(rows, x)
         positions[name] = (side + x - row.start, row.y(y))
     routes = {
-        key: simplify(list(_folded(rows, key[0], points, side, right)))
+        key: simplify(list(_fold(rows, key[0], points, side, right)))
         for key, points in layout.routes.items()
     }
     return DiagramLayout(
@@ -145,7 +145,7 @@ def _close_up(row: _Row, spans: Sequence[tuple[float, float]], top: float) -> fl
     return folded[-1]
 
 
-def _folded(
+def _fold(
     rows: Sequence[_Row], link: int, points: Sequence[Point], side: float, right: float
 ) -> Iterator[Point]:
     """A wire's corners, with those of the lanes wherever it crosses a border."""
