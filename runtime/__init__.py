@@ -33,7 +33,26 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from blocks.lazy import door
+PACKAGE = str(Path(__file__).parents[1])
+
+
+def _check_blocks() -> None:
+    """Report a folder or file of the user's own that Python finds instead of our ``blocks``."""
+    found = importlib.util.find_spec("blocks")
+    # A folder without __init__.py has no origin.
+    places = [] if found is None else [found.origin, *(found.submodule_search_locations or ())]
+    own = next(filter(None, places), "")
+    ours = Path(PACKAGE, "blocks", "__init__.py")
+    if ours.is_file() and not (own and Path(own).exists() and ours.samefile(own)):
+        raise ImportError(
+            f"your own '{own or 'blocks'}' hides the package 'blocks' of spikeblocks; rename it, "
+            "or start Python in another folder"
+        )
+
+
+# Before the first import of ours that another package 'blocks' does not have.
+_check_blocks()
+from blocks.lazy import door  # noqa: E402
 
 if TYPE_CHECKING:
     from runtime.checking import CheckError, NotCompiledWarning, check_block
@@ -53,24 +72,6 @@ if TYPE_CHECKING:
 else:
     __getattr__ = door(__name__)
 
-PACKAGE = str(Path(__file__).parents[1])
-
-
-def _check_blocks() -> None:
-    """Report a folder or file of the user's own that Python finds instead of our ``blocks``."""
-    found = importlib.util.find_spec("blocks")
-    # A folder without __init__.py has no origin.
-    places = [] if found is None else [found.origin, *(found.submodule_search_locations or ())]
-    own = next(filter(None, places), "")
-    ours = Path(PACKAGE, "blocks", "__init__.py")
-    if ours.is_file() and not (own and Path(own).exists() and ours.samefile(own)):
-        raise ImportError(
-            f"your own '{own or 'blocks'}' hides the package 'blocks' of spikeblocks; rename it, "
-            "or start Python in another folder"
-        )
-
-
-_check_blocks()
 __all__ = [
     "AblationTable",
     "CheckError",

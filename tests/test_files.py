@@ -70,4 +70,6 @@ def test_files_are_opened_and_written_in_one_way() -> None:
     assert [
         f"{place(m, line)}: {name}" for m, calls in others.items() for line, name in calls
     ] == []
-    assert [m for m in EXCEPTIONS if m not in found] == [], "no longer an exception"
+    # A bridge can be deleted.
+    kept = [m for m in EXCEPTIONS if m in modules() or not m.startswith("spikeblocks.")]
+    assert [m for m in kept if m not in found] == [], "no longer an exception"

@@ -24,8 +24,8 @@ def add(parser: ArgumentParser) -> None:
     add_graph(parser)
     parser.add_argument("folder", metavar="DIR", help="folder for the files")
     targets = "; ".join(f"{name}: {target.doc}" for name, target in TARGETS.usable().items())
-    told = targets.replace("%", "%%")
-    parser.add_argument("--to", default="c", metavar="TARGET", help=told)
+    docs = targets.replace("%", "%%")
+    parser.add_argument("--to", default="c", metavar="TARGET", help=docs)
     for flag, place, text in (
         ("--block", "blocks", "a block or part to export"),
         ("--except", "others", "export all blocks but these"),
@@ -49,9 +49,9 @@ def _add_options_of_targets(parser: ArgumentParser) -> None:
     declared: list[str] = []
     for name, target in TARGETS.usable().items():
         for option in (each for each in target.options if each not in declared):
-            told = str(target.options[option].get("help", "")).replace("%", "%%")
+            text = str(target.options[option].get("help", "")).replace("%", "%%")
             try:
-                parser.add_argument(f"--{option}", **{**target.options[option], "help": told})
+                parser.add_argument(f"--{option}", **{**target.options[option], "help": text})
             except Exception as error:  # noqa: BLE001 -- of a package
                 tell(f"note: --{option} of export target '{name}': {one_line(raised_text(error))}")
             else:
