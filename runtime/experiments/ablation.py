@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,13 @@ from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
     MEAN,
+    NARROW,
     TESTS,
+    WIDE,
     ComparisonLine,
     Questions,
     Test,
     compare,
-    comparison_rows,
     comparison_table,
     legend,
     samples_of,
@@ -44,9 +45,10 @@ from runtime.experiments.execution import (
     VariantRetention,
     write_checked,
 )
-from runtime.experiments.tables import TrialTable, html_table
+from runtime.experiments.tables import TrialTable
 from runtime.files import own_folder, system_errors, write_whole
 from runtime.runs import Figures
+from runtime.tables import Table
 from runtime.terminal import Progress
 
 
@@ -141,16 +143,20 @@ class AblationTable(TrialTable):
         return notes + [f"  {name}: {reason}" for name, reason in self.plan.essential.items()]
 
     @property
+    def table(self) -> Table:
+        """The comparison with its title and notes."""
+        table = comparison_table(self.lines, self.plan.units, self.plan.never)
+        return replace(table, title=self.head, notes=self.notes())
+
+    @property
     def text(self) -> str:
         """The table with its head and notes, as the command prints it."""
-        shown = comparison_table(self.lines, self.plan.units, self.plan.never)
-        return "\n".join([self.head, shown, "", *self.notes()])
+        return "\n".join([self.head, self.table.select(*NARROW).text(""), "", *self.notes()])
 
     @property
     def html(self) -> str:
         """The table as a notebook shows it."""
-        rows = comparison_rows(self.lines, self.plan.units, self.plan.never)
-        return html_table(self.head, rows, self.notes())
+        return self.table.select(*WIDE).notebook()
 
     def line(self, variant: str, metric: str, statistic: str = MEAN) -> ComparisonLine:
         """The comparison of one metric of one variant.

@@ -39,10 +39,11 @@ from runtime.experiments.execution import (
     TrialRetention,
     read_rows,
 )
-from runtime.experiments.tables import TrialTable, html_table, values_of
+from runtime.experiments.tables import TrialTable, values_of
 from runtime.files import write_json
 from runtime.runs import Figures
-from runtime.terminal import Progress, short, table, with_unit
+from runtime.tables import Cell, Column, Table
+from runtime.terminal import Progress, short, with_unit
 
 MOST = 20  # configurations that are shown
 HALF = "±: half of the 95 % interval of the mean over the seeds."
@@ -134,7 +135,7 @@ class SweepTable(TrialTable):
         lines.append(f"{goal} {metric}{'' if all(same) else spread}:")
         for ranked in tally.best:
             estimate = ranked.objective
-            mean = mean_of(estimate, len(plan.seeds), tally.never)
+            mean = str(mean_of(estimate, len(plan.seeds), tally.never))
             ends = f"  {interval(estimate)}" if estimate.n > 1 and tried == 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
             configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
@@ -193,19 +194,22 @@ class SweepTable(TrialTable):
 
         return Figures(sweep_figures(self.folder))
 
-    def _rows(self) -> list[tuple[str, ...]]:
+    @property
+    def table(self) -> Table:
+        """The first configurations with the means of their metrics, and what to know of them."""
         metrics = list(self.configurations[0].metrics) if self.configurations else []
         is_ok = all(each.ok == len(self.seeds) for each in self.configurations)
-        ok = () if is_ok else ("ok",)
-        rows = [(*self.factors, *ok, *(with_unit(name, self.units) for name in metrics))]
+        columns = [Column(name, "number") for name in (*self.factors, *["ok"] * (not is_ok))]
+        columns += [Column(name, "number", self.units.get(name, "")) for name in metrics]
+        rows = []
         for each in self.configurations[:MOST]:
-            values = (_cell(value) for value in each.values.values())
+            values = map(_cell, each.values.values())
             share = () if is_ok else (f"{each.ok}/{len(self.seeds)}",)
             means = (self._mean(name, each) for name, each in each.metrics.items())
-            rows.append((*values, *share, *means))
-        return rows
+            rows.append([*values, *share, *means])
+        return Table(columns, rows, self._head(), self._notes())
 
-    def _mean(self, metric: str, estimate: Estimate) -> str:
+    def _mean(self, metric: str, estimate: Estimate) -> Cell:
         """A mean with half of its interval, and how many seeds have a value if not all."""
         return mean_of(estimate, len(self.seeds), self.never.get(metric, NEVER), spread=True)
 
@@ -237,12 +241,10 @@ class SweepTable(TrialTable):
         return [*notes, *self._failures()]
 
     def __repr__(self) -> str:
-        rows = self._rows()
-        shown = table(rows, range(len(rows[0])), indent="  ")
-        return "\n".join([self._head(), shown, *self._notes()])
+        return str(self.table)
 
     def _repr_html_(self) -> str:
-        return html_table(self._head(), self._rows(), self._notes()) + self.plot()._repr_html_()
+        return self.table.notebook() + self.plot()._repr_html_()
 
 
 def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> SweepTable:

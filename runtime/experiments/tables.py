@@ -7,18 +7,16 @@ In: a plan, and the rows of its index. Out: :class:`TrialRecord` for each run::
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from typing import TYPE_CHECKING
 
 from runtime.document import parse_yaml
 from runtime.experiments.execution import VARIANT, Columns, ExperimentPlan, Outcome, Row
-from runtime.tables import dataframe
+from runtime.tables import Column, Table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -85,15 +83,13 @@ class TrialTable(Outcome):
         ------
         MissingExtraError : pandas is not installed.
         """
-        columns: dict[str, list[object]] = {
-            key: [trial.values[key] for trial in self.trials] for key in self.plan.columns.factors
-        }
-        columns["seed"] = [trial.seed for trial in self.trials]
-        columns["status"] = [trial.status for trial in self.trials]
-        for name in self.plan.metrics:
-            values = [trial.metrics[name] for trial in self.trials]
-            columns[name] = [math.nan if value is None else value for value in values]
-        return dataframe(columns, self.units, "to_dataframe()")
+        metrics = [Column(n, "number", self.units.get(n, "")) for n in self.plan.metrics]
+        columns = [*map(Column, self.plan.columns.factors), Column("seed"), Column("status")]
+        rows = [
+            [*trial.values.values(), trial.seed, trial.status, *trial.metrics.values()]
+            for trial in self.trials
+        ]
+        return Table([*columns, *metrics], rows).dataframe()
 
     def _counts(self) -> str:
         counts = Counter(trial.status for trial in self.trials)
@@ -117,19 +113,3 @@ def _record(row: Row, columns: Columns) -> TrialRecord:
     values = values_of(columns, row.cells)
     metrics = dict(zip(columns.metrics, row.metrics, strict=True))
     return TrialRecord(values, row.seed, row.status, row.reason, metrics, row.wall_s)
-
-
-def html_table(head: str, rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:
-    """A table as a notebook shows it: its title, its rows (the header first), and notes."""
-    most = max(map(len, rows))
-    lines = []
-    for i, row in enumerate(rows):
-        tag = "th" if i == 0 or len(row) < most else "td"
-        cells = [
-            f"<{tag} style='padding: 2px 8px; text-align: {'left' if k == 0 else 'right'}'>"
-            f"{escape(text)}</{tag}>"
-            for k, text in enumerate([*row, *[""] * (most - len(row))])
-        ]
-        lines.append(f"<tr>{''.join(cells)}</tr>")
-    below = "".join(f"<div>{escape(note)}</div>" for note in notes)
-    return f"<b>{escape(head)}</b><table>{''.join(lines)}</table>{below}"

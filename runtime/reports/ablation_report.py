@@ -7,13 +7,13 @@ In: the folder of an ablation that is complete. Out: an HTML page. Its table has
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import LEVEL, NEGLIGIBLE, NEVER, SAME, SAME_RUNS, too_few
+from runtime.experiments.analysis import WIDE, ComparisonLine, comparison_table, legend
 from runtime.experiments.analysis.ablation_plots import ablation_figure, overall, read_facts
-from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
     DIAGRAMS,
     GRAPH,
@@ -27,10 +27,9 @@ from runtime.experiments.execution import (
 )
 from runtime.files import MAYBE_NUMBER, check_form
 from runtime.reports import pieces
-from runtime.reports.findings import of_ablation, place_of
+from runtime.reports.findings import of_ablation
 from runtime.reports.page import page
 from runtime.tables import Html, Table, element, facts, join
-from runtime.terminal import with_unit
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
 DIFFERENCE = {
@@ -104,66 +103,28 @@ def _facts(results: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
 
 
 def _differences(results: Mapping[str, Any]) -> Html:
-    note = element(
-        "p",
-        f"Differences are from the baseline, paired by seed ({results['test']}); in %, the typical "
-        f"ratio of skewed values. {significance(results['correction'])} “removed”: the variant "
-        "does not have the signal that the metric measures.",
-        class_="soft small",
-    )
-    return join(differences(results), note)
-
-
-def significance(correction: str, units: str = "seeds") -> str:
-    """What the words in the tables of differences mean."""
-    return (
-        f"A difference is significant if p < {LEVEL:.2g} after {correction}'s correction for all "
-        f"comparisons of the table that can differ. n/N: n of N {units} have a value (for a "
-        "difference, on both sides), and means are over those; what is never reached, and a run "
-        f"that failed, counts as worse than any value. “yes, in seeds”: the share of {units} with "
-        f"a value differs significantly. “too few pairs”: {too_few()} by an exact test. "
-        f"“{NEGLIGIBLE}”: the interval is within the smallest difference that counts. “{SAME}”: "
-        f"{SAME_RUNS}."
+    return differences(
+        results, "variant", legend(lines_of(results), how=results["test"], has_halves=False)
     )
 
 
-def differences(results: Mapping[str, Any], name: str = "variant") -> Html:
-    """The lines of a comparison, metric by metric; ``name`` is what is compared."""
-    head = [name, "n", "mean", "95 % interval of the mean"]
-    head += ["difference", "95 % interval of the difference"]
-    head += ["p, corrected", "significant"]
-    groups: dict[str, list[list[str]]] = {}
-    for line in results["table"]:
-        title = with_unit(line["metric"], results.get("units") or {})
-        title = ", ".join(filter(None, (title, place_of(line))))
-        never = (results.get("never") or {}).get(line["metric"], NEVER)
-        groups.setdefault(title, []).append(_line(line, never))
-    columns = Table.of(head, [], numbers=range(1, 7)).columns
-    return Table(columns, groups=groups).html("differences")
+def lines_of(results: Mapping[str, Any]) -> list[ComparisonLine]:
+    """The lines of a stored comparison."""
+    return [ComparisonLine.from_dict(line) for line in results["table"]]
 
 
-def _line(line: Mapping[str, Any], never: str) -> list[str]:
-    seeds = str(line["runs"]) if line["n"] == line["runs"] else f"{line['n']}/{line['runs']}"
-    reference = line.get("reference")
-    is_contrast = reference not in (None, BASELINE)
-    cells = [
-        f"{line['variant']} - {reference}" if is_contrast else line["variant"],
-        SAME if line.get("identical") else seeds,
-        pieces.number(line["mean"]) if line["n"] else pieces.mean(line, line["runs"], never),
-        pieces.interval(line["low"], line["high"]),
-    ]
-    difference = line["difference"]
-    if difference is None:
-        return [*cells, "", "", "", "" if line["recorded"] else "removed"]
-    plain = {True: "yes", False: "no", None: "–"}[difference["distinguishable"]]
-    word = str(difference.get("verdict", plain))  # none in folders of earlier versions
-    shown = element("strong", word) if word.startswith("yes") else word
-    return [
-        *cells,
-        *pieces.difference(difference, line["runs"]),
-        pieces.probability(difference["p_adjusted"]),
-        shown,
-    ]
+def differences(results: Mapping[str, Any], name: str, note: str) -> Html:
+    """The lines of a comparison, metric by metric, and a note.
+
+    Parameters
+    ----------
+    name : what is compared.
+    """
+    units, never = results.get("units") or {}, results.get("never") or {}
+    table = comparison_table(lines_of(results), units, never).select(*WIDE)
+    first, *others = table.columns
+    table = replace(table, columns=[replace(first, title=name), *others])
+    return join(table.html("differences"), element("p", note, class_="soft small"))
 
 
 def _figure(folder: Path) -> Html:
@@ -233,7 +194,7 @@ def _check_whole(facts: dict[str, Any]) -> None:
     """Check that the table has a line for each metric and variant, and that slugs are names."""
     names = [variant["name"] for variant in facts["variants"]]
     expected = [(metric, name) for metric in facts["metrics"] for name in names]
-    if [(line["metric"], line["variant"]) for line in overall(facts)] != expected:
+    if [(line.metric, line.variant) for line in overall(facts)] != expected:
         raise ValueError("table: expected a line for each metric and variant, in their order")
     if not names or not facts["seeds"] or not facts["metrics"]:
         raise ValueError("expected at least one variant, seed and metric")

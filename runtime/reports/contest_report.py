@@ -12,16 +12,17 @@ from typing import Any
 
 from runtime.compare import text_of
 from runtime.errors import UsageError
+from runtime.experiments.analysis import legend
 from runtime.experiments.execution import check_entries, read_plan
 from runtime.experiments.tuning import CONTEST, HOW, ONCE, agreement
 from runtime.experiments.tuning.contest_plots import contest_figure, read_contest
 from runtime.files import check_form
 from runtime.reports import pieces
-from runtime.reports.ablation_report import DIFFERENCE, LINE, differences, significance
+from runtime.reports.ablation_report import DIFFERENCE, LINE, differences, lines_of
 from runtime.reports.findings import of_contest
 from runtime.reports.page import page
 from runtime.runs import DIAGRAM
-from runtime.tables import Html, Table, bullets, element, facts, join
+from runtime.tables import Html, Table, bullets, element, facts, join, number_cell
 from runtime.terminal import with_unit
 
 _TUNING = {
@@ -108,17 +109,11 @@ def _facts(stored: Mapping[str, Any]) -> Html:
 
 def _differences(stored: Mapping[str, Any]) -> Html:
     first, unit = next(iter(stored["contestants"])), stored["paired_by"]
+    paired = f"{first}, or to the one named, on the same {unit}"
     is_once = any(len(own) == 1 and own[0]["values"] for own in stored["contestants"].values())
-    once = f"{ONCE[0].upper()}{ONCE[1:]}. ".replace("\n", " ") if is_once else ""
-    note = element(
-        "p",
-        f"Means are over the held-out {unit}s and all tunings. Differences are from {first}, or "
-        f"from the one named, paired by {unit}; in %, the ratio of geometric means of skewed "
-        f"values. Tested by {HOW}. {once}"
-        f"{significance(stored['correction'], unit + 's')}",
-        class_="soft small",
-    )
-    return join(differences(stored, "contestant"), note)
+    note = legend(lines_of(stored), paired=paired, how=HOW, has_halves=False)
+    note += f"\n{ONCE[0].upper()}{ONCE[1:]}." * is_once
+    return differences(stored, "contestant", note)
 
 
 def _figure(folder: Path, stored: Mapping[str, Any]) -> Html:
@@ -141,7 +136,7 @@ def _values(stored: Mapping[str, Any]) -> Iterator[Html]:
             values = (each["values"] or {}).items()
             shown = ", ".join(f"{path} = {text_of(value)}" for path, value in values)
             counts = [each[key] for key in ("sampling_seed", "trials", "stopped", "runs")]
-            scores = [pieces.number(each["metrics"].get(metric)) for metric in metrics]
+            scores = [number_cell(each["metrics"].get(metric)) for metric in metrics]
             limits = "".join(f"; not {constraint}" for constraint in each["violated"])
             rows.append([name, *map(str, counts), *scores, (shown or "its own") + limits])
     last = len(head) - 1

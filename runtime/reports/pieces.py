@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blocks.files import read_text
-from runtime import terminal
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
-from runtime.experiments.analysis import NEVER, SAME, lost
 from runtime.files import slug
 from runtime.reports.svg import diagram_svg, figure_svg
 from runtime.runs import RESOLVED
 from runtime.tables import Html, Table, element, facts, join, scrolling
+from runtime.terminal import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,18 +27,6 @@ BROAD = 1200.0  # pixels: a wider diagram is printed on its own page in landscap
 LONGEST_GRAPH = 1_000_000  # characters that are shown: a page holds each several times
 
 
-def number(value: float | None, *, signed: bool = False) -> Html:
-    """A number in four digits, with all digits in its tooltip; a dash if there is none."""
-    if value is None or math.isnan(value):
-        return element("span", "–", title="no value")
-    return element("span", _digits(value, signed), title=repr(value))
-
-
-def _digits(value: float, signed: bool) -> str:
-    sign = "+" if signed and value else ""
-    return terminal.number(value, sign).replace("-", "−")
-
-
 # From 1e-9 to 1e9: what each stands for.
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G"}
 WITH_PREFIX = frozenset({"m", "s", "A", "V", "W", "N", "J", "Hz", "Pa", "F"})
@@ -49,55 +36,8 @@ def quantity(value: float, unit: str) -> str:
     """A number with its unit, which gets a prefix where that is shorter: 5.885 mm, 12.97 s."""
     power = math.floor(math.log10(abs(value)) / 3) * 3 if value and math.isfinite(value) else 0
     if unit in WITH_PREFIX and power in PREFIXES and not 0.1 <= abs(value) < 1e4:
-        return f"{_digits(value / 10.0**power, False)} {PREFIXES[power]}{unit}"
-    return f"{_digits(value, False)} {unit}".rstrip()
-
-
-def interval(low: float | None, high: float | None, *, signed: bool = False) -> str:
-    """The ends of an interval; a dash if there is none."""
-    if low is None or high is None or math.isnan(low) or math.isnan(high):
-        return "–"
-    return f"[{_digits(low, signed)}, {_digits(high, signed)}]"
-
-
-def mean(
-    estimate: Mapping[str, Any], runs: int, never: str = NEVER, *, signed: bool = False
-) -> Html:
-    """A mean, with the number of runs that have a value if not all have.
-
-    Parameters
-    ----------
-    found : an estimate as plain data.
-    never : what it means if every value is infinite.
-    """
-    n = estimate["n"]
-    word = lost(estimate.get("never", 0), estimate.get("failed", 0), never)
-    if not n and word and not signed:
-        share = f" ({SAME})" if estimate.get("identical") else f", 0 of {runs}"
-        return element("span", word + share, class_="bad")
-    shown = number(estimate["mean"], signed=signed)
-    if estimate.get("identical") or not 0 < n < runs:
-        return shown
-    return join(shown, element("span", f" {n}/{runs}", class_="soft"))
-
-
-def difference(apart: Mapping[str, Any], runs: int) -> tuple[Html, str]:
-    """A paired difference and its interval; that of a ratio in percent."""
-    low, high = apart["low"], apart["high"]
-    if apart.get("never"):  # by ranks, in which infinite values count
-        apart = {**apart, "n": apart.get("pairs", apart["n"])}
-    if not str(apart.get("test")).startswith("log") or apart["mean"] is None:
-        return mean(apart, runs, signed=True), interval(low, high, signed=True)
-    percent = {**apart, "mean": 100.0 * apart["mean"]}
-    ends = "–" if None in (low, high) else interval(100.0 * low, 100.0 * high, signed=True) + " %"
-    return join(mean(percent, runs, signed=True), " %"), ends
-
-
-def probability(p: float | None) -> str:
-    """A p value in two digits; a bound for very small ones."""
-    if p is None or math.isnan(p):
-        return "–"
-    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
+        value, unit = value / 10.0**power, PREFIXES[power] + unit
+    return f"{number(value).replace('-', '−')} {unit}".rstrip()
 
 
 def plot(figure: Figure, name: str, caption: str, *, wide: bool = False) -> Html:

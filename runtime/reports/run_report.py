@@ -16,7 +16,7 @@ from runtime.reports import pieces, zoom
 from runtime.reports.findings import of_run
 from runtime.reports.page import page
 from runtime.runs import DIAGRAM, RESOLVED, pacing_text, read_run, run_folder
-from runtime.tables import Html, Table, bullets, element, facts, join
+from runtime.tables import Cell, Html, Table, bullets, element, facts, join
 
 NAMES = 6  # that a caption lists; of more columns, it names the signals
 KINDS = {
@@ -105,7 +105,7 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
         expects = expects or bool(expected)
         unit = result.units.get(name, "") if value is not None else ""
         named = value is None and name in result.never
-        shown: str = result.metric_text(name) if named else pieces.number(value)
+        shown: object = Cell(result.metric_text(name)) if named else value
         if value is not None:
             shown = element("span", pieces.quantity(value, unit), title=f"{value!r} {unit}".strip())
         rows.append([name, shown, expected, _definition(entry)])

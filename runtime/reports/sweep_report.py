@@ -18,6 +18,8 @@ from runtime.experiments.analysis import (
     TrialGroup,
     chosen_among,
     gather,
+    interval,
+    mean_of,
     read_sweep,
 )
 from runtime.experiments.analysis.sweep_plots import sweep_figures
@@ -183,15 +185,15 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
     return join(Table.of(head, rows, numbers=numbers).html(label), note)
 
 
-def _configuration(swept: _Sweep, group: TrialGroup, with_interval: bool) -> list[str]:
+def _configuration(swept: _Sweep, group: TrialGroup, with_interval: bool) -> list[object]:
     ok = sum(row.status == "ok" for row in group.rows)
     data = swept.data
-    cells = [*map(short, group.cells), f"{ok}/{data.seeds}"]
+    cells: list[object] = [*map(short, group.cells), f"{ok}/{data.seeds}"]
     for metric in swept.shown:
         ends = data.ends.get(metric, ANY)
-        estimate = group.estimate(swept.metrics.index(metric), ends).to_dict()
-        cells += [pieces.mean(estimate, data.seeds, data.never.get(metric, NEVER))]
-        cells += [pieces.interval(estimate["low"], estimate["high"])] * with_interval
+        estimate = group.estimate(swept.metrics.index(metric), ends)
+        cells += [mean_of(estimate, data.seeds, data.never.get(metric, NEVER))]
+        cells += [interval(estimate)] * with_interval
     return cells
 
 

@@ -8,16 +8,22 @@ from typing import Any
 
 from runtime.compare import text_of
 from runtime.errors import UsageError
-from runtime.experiments.analysis import NEVER, SAME, SAME_RUNS, too_few
+from runtime.experiments.analysis import SAME, SAME_RUNS
 from runtime.experiments.execution import GRAPH, check_entries, read_plan
-from runtime.experiments.tuning import NOT_DISTINGUISHABLE, NOTHING, TUNING
+from runtime.experiments.tuning import (
+    NOT_DISTINGUISHABLE,
+    NOTHING,
+    TUNING,
+    Judgement,
+    judgement_table,
+)
 from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_json
 from runtime.reports import pieces
 from runtime.reports.findings import of_tuning
 from runtime.reports.page import page
 from runtime.runs import DIAGRAM
-from runtime.tables import Html, Table, element, facts, join
+from runtime.tables import Html, Table, element, facts, join, number_cell
 from runtime.terminal import with_unit
 
 NONE = "No configuration satisfies the constraints."
@@ -157,17 +163,9 @@ def _winners(stored: Mapping[str, Any]) -> Html:
 def _evaluations(stored: Mapping[str, Any]) -> Html:
     if not stored["table"]:
         return element("p", "The held-out runs have not been made.", class_="soft")
-    head = ["metric", "values"]
-    for runs in ("training", "held out"):
-        head += [runs, "95 % interval", "difference", "p"]
-    head.append("overfit")
-    rows = []
-    for line in stored["table"]:
-        name = str(line["configuration"]) if line["configuration"] else "baseline"
-        row: list[str | Html] = [with_unit(line["metric"], stored["units"]), name]
-        for runs in ("training", "held_out"):
-            row += _cells(line[runs], (stored.get("never") or {}).get(line["metric"], NEVER))
-        rows.append([*row, pieces.number(line.get("optimism"), signed=True)])
+    judgements = list(map(Judgement.from_dict, stored["table"]))
+    metrics = dict.fromkeys(line.metric for line in judgements)
+    table = judgement_table(judgements, list(metrics), stored["units"], stored.get("never") or {})
     note = element(
         "p",
         "Baseline: the values as in the graph. Differences are from it on the same conditions, or "
@@ -178,24 +176,7 @@ def _evaluations(stored: Mapping[str, Any]) -> Html:
         f"{SAME}: {SAME_RUNS}.",
         class_="soft small",
     )
-    return join(
-        Table.of(head, rows, numbers=range(2, len(head))).html("training and held-out runs"), note
-    )
-
-
-def _cells(evaluation: Mapping[str, Any], never: str) -> list[str | Html]:
-    difference = evaluation.get("difference") or {}
-    few = (
-        0 < difference.get("pairs", 0) < difference.get("needed", 0) and not difference["identical"]
-    )
-    return [
-        pieces.mean(evaluation, evaluation.get("runs", evaluation["n"]), never),
-        SAME
-        if evaluation.get("identical")
-        else pieces.interval(evaluation["low"], evaluation["high"]),
-        pieces.difference(difference, difference["n"])[0] if difference else pieces.number(None),
-        too_few(difference["needed"]) if few else pieces.probability(difference.get("p_adjusted")),
-    ]
+    return join(table.html("training and held-out runs"), note)
 
 
 def _figures(folder: Path) -> Iterator[Html]:
@@ -212,7 +193,7 @@ def _configurations(stored: Mapping[str, Any]) -> Html:
         [
             str(one["number"]),
             *(text_of(one["values"][path]) for path in factors),
-            *(pieces.number(one["metrics"].get(name)) for name in metrics),
+            *(number_cell(one["metrics"].get(name)) for name in metrics),
             one["status"],
         ]
         for one in shown

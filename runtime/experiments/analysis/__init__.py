@@ -9,12 +9,24 @@ from runtime.experiments.analysis.comparison import (
     compare,
     corrected,
 )
-from runtime.experiments.analysis.comparison_text import (
-    comparison_rows,
+from runtime.experiments.analysis.comparison_table import (
+    NARROW,
+    WIDE,
     comparison_table,
     legend,
 )
 from runtime.experiments.analysis.crossed import Contestant, crossed_difference
+from runtime.experiments.analysis.estimates import (
+    ANY,
+    CONFIDENCE,
+    LEVEL,
+    Estimate,
+    Margin,
+    PairedDifference,
+    is_significant,
+    number_or_nan,
+    number_or_none,
+)
 from runtime.experiments.analysis.groups import (
     Tally,
     TrialGroup,
@@ -26,20 +38,12 @@ from runtime.experiments.analysis.groups import (
 )
 from runtime.experiments.analysis.samples import samples_of
 from runtime.experiments.analysis.statistics import (
-    ANY,
-    CONFIDENCE,
     CORRECTION,
-    LEVEL,
     TESTS,
-    Estimate,
-    Margin,
-    PairedDifference,
     Test,
     benjamini_hochberg,
     difference,
     estimate,
-    is_significant,
-    number_or_none,
 )
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 from runtime.experiments.analysis.words import (
@@ -56,5 +60,6 @@ from runtime.experiments.analysis.words import (
     interval,
     lost,
     mean_of,
+    p_cell,
     too_few,
 )

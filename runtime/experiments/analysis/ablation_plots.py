@@ -19,10 +19,9 @@ from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.analysis.comparison import MEAN
+from runtime.experiments.analysis.comparison import ComparisonLine
 from runtime.experiments.analysis.figures import MARK, NARROW, WIDTH
 from runtime.experiments.analysis.groups import sample_of
-from runtime.experiments.analysis.statistics import is_significant
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 from runtime.experiments.analysis.words import (
     FAILED,
@@ -96,7 +95,7 @@ def ablation_figure(folder: Path, look: str = "screen") -> Figure:
 def _caption(facts: dict[str, Any], data: SweepData) -> str:
     """What the marks of an ablation's figure mean."""
     table = overall(facts)
-    if all(line.get("identical") for line in table if line["recorded"]):
+    if all(line.own.is_same for line in table if not line.is_removed):
         return f"{SAME}: {SAME_RUNS}"
     unit = "setting" if data.is_sampled else "seed"
     settings = len(data.groups) // max(1, len(facts["variants"]))
@@ -105,10 +104,10 @@ def _caption(facts: dict[str, Any], data: SweepData) -> str:
         f"{settings if data.is_sampled else data.seeds} {unit}s: mean and 95 % interval; a dot: "
         f"one {unit}{each_mean(*others)}; pairs: with the baseline on the same {unit}"
     ]
-    verdicts = {(line["difference"] or {}).get("verdict") for line in table}
+    verdicts = {line.verdict for line in table}
     hollow = "hollow: no significant difference to the baseline"
     sentences.append(hollow + f", or {too_few()}" * (TOO_FEW in verdicts))
-    if any(line.get("identical") for line in table):
+    if any(line.own.is_same for line in table):
         sentences.append(f"a square: {SAME}, the seed changes nothing")
     return "; ".join(sentences)
 
@@ -128,16 +127,13 @@ def read_facts(folder: Path) -> dict[str, Any]:
     return facts
 
 
-def overall(facts: dict[str, Any]) -> list[dict[str, Any]]:
+def overall(facts: dict[str, Any]) -> list[ComparisonLine]:
     """The lines of each variant beside the baseline, over all settings of the factors."""
-    references = (None, BASELINE)
+    lines = map(ComparisonLine.from_dict, facts["table"])
     return [
         line
-        for line in facts["table"]
-        if line.get("setting", "") == ""
-        and line.get("statistic", MEAN) == MEAN
-        and line.get("reference") in references
-        and line["metric"] in facts["metrics"]
+        for line in lines
+        if not line.place and line.reference in (None, BASELINE) and line.metric in facts["metrics"]
     ]
 
 
@@ -159,7 +155,7 @@ def _metrics(
 def draw_intervals(
     figure: Figure | SubFigure,
     facts: dict[str, Any],
-    table: Sequence[dict[str, Any]],
+    table: Sequence[ComparisonLine],
     names: Sequence[str],
     dots: Mapping[str, Sequence[Sequence[float | None]]],
     shape: tuple[int, int],
@@ -178,7 +174,7 @@ def draw_intervals(
         unused.set_visible(False)
     for axes, (metric, values) in zip(grid.flat, dots.items(), strict=False):
         axes.set_title(with_unit(metric, facts.get("units") or {}))
-        lines = [line for line in table if line["metric"] == metric]
+        lines = [line for line in table if line.metric == metric]
         _metric(axes, lines, values, (facts.get("never") or {}).get(metric, NEVER))
     grid[0][0].set_yticks(range(len(names)), names)
     grid[0][0].set_ylim(len(names) - 0.5, -0.5)
@@ -186,70 +182,65 @@ def draw_intervals(
 
 def _metric(
     axes: Axes,
-    lines: Sequence[dict[str, Any]],
+    lines: Sequence[ComparisonLine],
     values: Sequence[Sequence[float | None]],
     never: str,
 ) -> None:
-    if all(line["mean"] is None for line in lines):
+    if not any(line.own.n for line in lines):
         if not any(_lost(line, never) for line in lines):
             explain_empty(axes, "no run has a value")
             return
         axes.set_xticks([])
-    if lines[0]["mean"] is not None:
+    if lines[0].own.n:
         look: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (4, 2))}
-        axes.axvline(lines[0]["mean"], **look, zorder=1.0)
+        axes.axvline(lines[0].own.mean, **look, zorder=1.0)
     for y, (line, own) in enumerate(zip(lines, values, strict=True)):
         finite = [value for value in own if value is not None and math.isfinite(value)]
         if _lost(line, never):
             _mark_lost(axes, y, line, never)
-        if line.get("identical"):
+        if line.own.is_same:
             finite = finite[:1]
         # Below the interval, which would hide them.
         axes.plot(finite, [y + SEEDS_BELOW] * len(finite), ".", color="0.55", markersize=3.0)
-        if not finite or line["mean"] is None:
+        if not finite or not line.own.n:
             if not _lost(line, never):
-                message = "no value" if line["recorded"] else "removed"
+                message = "removed" if line.is_removed else "no value"
                 axes.annotate(message, (0.02, y), **SMALL, color=GREY)
             continue
         _estimate(axes, y, line)
-        if line["n"] < line["runs"] and not line.get("identical"):
+        if not line.own.is_over(line.runs):
             at: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
-            message = f"{line['n']}/{line['runs']}"
-            axes.annotate(message, (line["mean"], y), **at, fontsize=7.0, color=GREY)
+            message = f"{line.own.n}/{line.runs}"
+            axes.annotate(message, (line.own.mean, y), **at, fontsize=7.0, color=GREY)
 
 
-def _lost(line: dict[str, Any], never: str) -> str:
+def _lost(line: ComparisonLine, never: str) -> str:
     """What became of the runs without a finite value: they failed, or never settled."""
-    return lost(line.get("never", 0), line.get("failed", 0), never)
+    return lost(line.own.never, line.own.failed, never)
 
 
-def _mark_lost(axes: Axes, y: int, line: dict[str, Any], never: str) -> None:
+def _mark_lost(axes: Axes, y: int, line: ComparisonLine, never: str) -> None:
     """Mark runs without a finite value at the large end of the axis, mostly the bad one."""
-    word = _lost(line, never)
-    message = f"{word}, 0 of {line['runs']}"
-    if line["n"]:
-        counts = {FAILED: line.get("failed", 0), never: line.get("never", 0)}
+    own, word = line.own, _lost(line, never)
+    message = f"{word}, 0 of {line.runs}"
+    if own.n:
+        counts = {FAILED: own.failed, never: own.never}
         message = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
-    message = f"{word} ({SAME})" if line.get("identical") else message
+    message = f"{word} ({SAME})" if own.is_same else message
     look: dict[str, Any] = {"color": MARK, "ha": "right"}
     look["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
     axes.annotate(f"{message} ▸", (0.99, y), **SMALL, **look)
 
 
-def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
-    mean, low, high = line["mean"], line["low"], line["high"]
-    difference = line["difference"]
+def _estimate(axes: Axes, y: int, line: ComparisonLine) -> None:
+    own = line.own
     # Of a single run nothing is tested, and the difference is exact.
-    is_filled = (
-        difference is None
-        or difference["distinguishable"]
-        or is_significant(difference["p_presence"])
-        or difference.get("verdict") == SAME
-    )
+    is_filled = line.difference is None or line.verdict.startswith("yes") or line.verdict == SAME
     axes.errorbar(
-        *(mean, y),
-        xerr=None if low is None else [[mean - low], [high - mean]],
-        fmt="s" if line.get("identical") else "o",
+        own.mean,
+        y,
+        xerr=None if math.isnan(own.low) else [[own.mean - own.low], [own.high - own.mean]],
+        fmt="s" if own.is_same else "o",
         color=_colour(y),
         markerfacecolor=_colour(y) if is_filled else "white",
         markersize=4.5,

@@ -13,21 +13,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from runtime.experiments.analysis.ranks import fewest
-from runtime.experiments.analysis.statistics import (
+from runtime.experiments.analysis.estimates import (
     ANY,
     LEVEL,
     Ends,
     Estimate,
     Margin,
     PairedDifference,
+    is_significant,
+    number_or_nan,
+    number_or_none,
+)
+from runtime.experiments.analysis.ranks import fewest
+from runtime.experiments.analysis.statistics import (
     Test,
     benjamini_hochberg,
     difference,
     estimate,
-    is_significant,
     mcnemar_test,
-    number_or_none,
 )
 from runtime.experiments.analysis.words import EQUAL, NEGLIGIBLE, SAME, THESE, TOO_FEW, UNRANKED
 from runtime.experiments.design import BASELINE
@@ -54,6 +57,7 @@ class ComparisonLine:
     is_removed : the variant does not record what the metric measures.
     statistic : of the values of each seed; of a tail ``worst``, or such as ``0.9-quantile``.
     is_single : the statistic is one number of all observations: no interval, and nothing is tested.
+    verdict : whether the difference is significant, in a word or two.
     """
 
     variant: str
@@ -71,6 +75,7 @@ class ComparisonLine:
     is_unranked: bool = False
     statistic: str = MEAN
     is_single: bool = False
+    verdict: str = ""
 
     @property
     def place(self) -> str:
@@ -96,39 +101,41 @@ class ComparisonLine:
         return is_significant(self.p_presence)
 
     @property
-    def verdict(self) -> str:
-        """Whether the difference is significant, in a word or two."""
-        if self.is_removed:
-            return "removed"
-        difference = self.difference
-        if difference is None or self.is_single:
-            return ""
-        if self.has_significant_presence:
-            return "yes, in seeds"
-        if self.is_unranked:
-            return TOO_FEW if self.needed > self.runs else UNRANKED
-        if difference.is_same and not difference.is_equal:
-            return SAME
-        if difference.is_equal:
-            return EQUAL
-        if not self.is_primary:
-            return "-"
-        if difference.is_too_small or self.needed > self.runs:
-            return TOO_FEW
-        if difference.is_of_these and is_significant(self.p_adjusted):
-            return THESE
-        if self.has_significant_difference:
-            return "yes"
-        if difference.is_negligible:
-            return NEGLIGIBLE
-        return "-" if math.isnan(self.p_adjusted) else "no"
-
-    @property
     def needed(self) -> int:
         """The seeds that the tests of this line need for any result to be significant."""
         if self.difference is None or self.difference.is_same:
             return 0
         return max(self.difference.needed, 0 if math.isnan(self.p_presence) else fewest(LEVEL))
+
+    @classmethod
+    def from_dict(cls, stored: Mapping[str, Any]) -> ComparisonLine:
+        """A line from its plain data; earlier versions have fewer entries."""
+        apart, statistic = stored["difference"], stored.get("statistic", MEAN)
+        line = cls(
+            variant=stored["variant"],
+            metric=stored["metric"],
+            runs=stored["runs"],
+            own=Estimate.from_dict(stored),
+            setting=stored.get("setting", ""),
+            reference=stored.get("reference"),
+            failed=stored.get("failed", 0),
+            is_primary=stored.get("primary", True),
+            is_removed=not stored.get("recorded", True),
+            statistic=statistic,
+        )
+        if apart is None:
+            return replace(line, verdict="removed" if line.is_removed else "")
+        plain = {True: "yes", False: "no", None: "-"}[apart.get("distinguishable")]
+        verdict = apart.get("verdict", plain)
+        return replace(
+            line,
+            difference=PairedDifference.from_dict(apart),
+            p_adjusted=number_or_nan(apart.get("p_of_these", apart.get("p_adjusted"))),
+            p_presence=number_or_nan(apart.get("p_presence")),
+            is_unranked=verdict == UNRANKED,
+            is_single=statistic != MEAN and not verdict,
+            verdict=verdict,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The line as plain data."""
@@ -158,6 +165,34 @@ class ComparisonLine:
                 "verdict": self.verdict,
             }
         return line
+
+
+def _verdict(line: ComparisonLine) -> str:
+    """Whether the difference is significant, in a word or two."""
+    if line.is_removed:
+        return "removed"
+    difference = line.difference
+    if difference is None or line.is_single:
+        return ""
+    if line.has_significant_presence:
+        return "yes, in seeds"
+    if line.is_unranked:
+        return TOO_FEW if line.needed > line.runs else UNRANKED
+    if difference.is_same and not difference.is_equal:
+        return SAME
+    if difference.is_equal:
+        return EQUAL
+    if not line.is_primary:
+        return "-"
+    if difference.is_too_small or line.needed > line.runs:
+        return TOO_FEW
+    if difference.is_of_these and is_significant(line.p_adjusted):
+        return THESE
+    if line.has_significant_difference:
+        return "yes"
+    if difference.is_negligible:
+        return NEGLIGIBLE
+    return "-" if math.isnan(line.p_adjusted) else "no"
 
 
 @dataclass(frozen=True)
@@ -247,13 +282,13 @@ def compare(
 
 
 def corrected(lines: Sequence[ComparisonLine], questions: Questions) -> list[ComparisonLine]:
-    """The lines with p values corrected over all that are tested."""
+    """The lines with p values corrected over all that are tested, and with their verdicts."""
     tested = [line for line in lines if questions.is_primary(line.metric)]
     compared = [_p(line.difference) for line in tested]
     both = benjamini_hochberg([*compared, *(line.p_presence for line in tested)])
     p = dict(zip(map(id, tested), both[: len(tested)], strict=True))
     q = dict(zip(map(id, tested), both[len(tested) :], strict=True))
-    return [
+    found = [
         replace(
             line,
             is_primary=id(line) in p,
@@ -262,6 +297,7 @@ def corrected(lines: Sequence[ComparisonLine], questions: Questions) -> list[Com
         )
         for line in lines
     ]
+    return [replace(line, verdict=_verdict(line)) for line in found]
 
 
 def _p(difference: PairedDifference | None) -> float:

@@ -24,10 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blocks.core import BoolArray, FloatArray
-from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
-from runtime.experiments.analysis.statistics import (
+from runtime.experiments.analysis.estimates import (
     ANY,
-    CONFIDENCE,
     FEWEST_T,
     LEVEL,
     ROUNDING,
@@ -35,9 +33,13 @@ from runtime.experiments.analysis.statistics import (
     Estimate,
     Margin,
     PairedDifference,
-    estimate,
-    looks_skewed,
+    standard_error,
+    t_interval,
+    t_p,
+    t_quantile,
 )
+from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
+from runtime.experiments.analysis.statistics import estimate, looks_skewed
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,7 @@ class Contestant:
         error, freedom = _error(known, np.zeros_like(known[:1]), (self.is_tuned, False))
         if not error:
             return plain
-        half = _t(freedom) * error
-        low, high = np.clip([plain.mean - half, plain.mean + half], *ends).tolist()
+        low, high = np.clip(t_interval(plain.mean, error, freedom), *ends).tolist()
         return replace(plain, low=low, high=high)
 
 
@@ -192,8 +193,8 @@ def _tested(
             centre, low, high = walsh_interval(units, LEVEL)
             p = signed_rank_p(units)
         else:
-            half = _t(freedom) * error
-            low, high, p = centre - half, centre + half, _p(centre / error, freedom)
+            low, high = t_interval(centre, error, freedom)
+            p = t_p(centre / error, freedom)
         if margin.size:
             p, is_within = _beyond(a, b, tuned, margin, is_log)
     shown = margin.shown(b.mean(axis=0).ravel(), is_log) if n else 0.0
@@ -214,17 +215,12 @@ def _beyond(
     a: FloatArray, b: FloatArray, tuned: tuple[bool, bool], margin: Margin, is_log: bool
 ) -> tuple[float, bool]:
     """p of a difference larger than a margin, and whether it is within."""
-    up, down = b + margin.size, b - margin.size
-    if is_log:
-        up, down = b + math.log1p(margin.size), b - math.log1p(margin.size)
-    elif margin.is_share:
-        ends = b * (1.0 + margin.size), b / (1.0 + margin.size)
-        up, down = ends if b.mean() > 0.0 else ends[::-1]
+    up, down = margin.offsets(b, is_log)
     found = []
-    for sign, end in ((1.0, up), (-1.0, down)):
+    for sign, end in ((1.0, b + up), (-1.0, b - down)):
         error, freedom = _error(a, end, tuned)
         by = sign * float(a.mean() - end.mean()) / error if error else math.inf
-        found.append((by, _p(by, freedom), by <= -_t(freedom) if error else False))
+        found.append((by, t_p(by, freedom), bool(error) and by <= -t_quantile(freedom)))
     beyond = max(found)
     return beyond[1] if 0.0 < beyond[0] < math.inf else 1.0, found[0][2] and found[1][2]
 
@@ -234,20 +230,4 @@ def _error(a: FloatArray, b: FloatArray, tuned: Sequence[bool]) -> tuple[float, 
     place = a.mean(axis=0) - b.mean(axis=0)  # conditions x seeds, paired
     means = [x.mean(axis=(1, 2)) for x, is_sample in zip((a, b), tuned, strict=True) if is_sample]
     means += [place.mean(axis=1), place.mean(axis=0)]
-    parts = [(float(m.var(ddof=1)) / len(m), len(m) - 1) for m in means if len(m) > 1]
-    variance = sum(part for part, _ in parts)
-    if variance == 0.0:
-        return 0.0, math.inf
-    return math.sqrt(variance), variance**2 / sum(part**2 / n for part, n in parts)
-
-
-def _t(freedom: float) -> float:
-    from scipy import special
-
-    return float(special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
-
-
-def _p(ratio: float, freedom: float) -> float:
-    from scipy import special
-
-    return 2.0 * float(special.stdtr(freedom, -abs(ratio)))
+    return standard_error(*means)

@@ -18,7 +18,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from runtime.experiments.analysis.comparison import Sample
-from runtime.experiments.analysis.statistics import ANY, Ends, Estimate, is_same_run
+from runtime.experiments.analysis.estimates import (
+    ANY,
+    Ends,
+    Estimate,
+)
+from runtime.experiments.analysis.statistics import (
+    is_same_run,
+)
 from runtime.experiments.analysis.words import NEVER, mean_of
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import Row

@@ -21,18 +21,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from blocks.core import FloatArray
+from runtime.experiments.analysis.estimates import (
+    ANY,
+    FEWEST_T,
+    LEVEL,
+    ROUNDING,
+    Ends,
+    Estimate,
+    Margin,
+    PairedDifference,
+    Scale,
+    standard_error,
+    t_interval,
+    t_p,
+)
 from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
 
-CONFIDENCE = 0.95
-LEVEL = 1.0 - CONFIDENCE  # of significance
 Test = Literal["auto", "t", "ranks"]
-Scale = Literal["t", "ranks", "log ranks", "log t"]  # what auto takes; "log t" in contests
 TESTS: dict[Test, str] = {
     "auto": "paired t, or signed ranks where values are skewed or runs failed",
     "t": "paired t",
@@ -41,143 +51,7 @@ TESTS: dict[Test, str] = {
 CORRECTION = "Benjamini-Hochberg"
 SKEWED = 1.0  # the skewness above which auto takes ranks; that of an exponential distribution is 2
 JUDGED = 12  # values, of both sides together, from which skewness can be judged
-FEWEST_T = 3  # of two, the scatter is one number: two equal differences would be certainty
-ROUNDING = 1e-9  # relative: values that differ by less are equal
 Values = Sequence[float | None]
-Ends = tuple[float, float]
-ANY: Ends = (-math.inf, math.inf)
-
-
-@dataclass(frozen=True)
-class Margin:
-    """The smallest difference that counts: in the unit of the values, or a share of the others.
-
-    A share of 5 % holds ratios between 1/1.05 and 1.05, so that exchanging the two sides changes
-    no verdict.
-    """
-
-    size: float = 0.0
-    is_share: bool = False
-
-    @classmethod
-    def of(cls, written: Margin | float | str) -> Margin:
-        """From an entry such as ``0.001`` or ``5%``."""
-        if isinstance(written, Margin):
-            return written
-        if isinstance(written, str):
-            return cls(float(written.removesuffix("%")) / 100.0, True)
-        return cls(written)
-
-    def beyond(
-        self, apart: FloatArray, second: FloatArray, is_log: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """The differences less the upper, and less the lower end of the margin.
-
-        Of a share, these are differences from 1.05 times each value of the other side, and not from
-        a share of its estimated mean, which would be taken for exact (Fieller, 1954).
-        """
-        known = np.isfinite(second)
-        if is_log:
-            up = down = np.full(len(apart), math.log1p(self.size))
-        elif self.is_share:
-            value = np.where(known, second, 0.0)
-            up, down = self.size * value, value * self.size / (1.0 + self.size)
-            if value.sum() < 0.0:
-                up, down = -down, -up
-        else:
-            up = down = np.full(len(apart), self.size)
-        # Two runs that failed are as equal with a margin as without one.
-        is_tie = ~known & (apart == 0.0)
-        return np.where(is_tie, 0.0, apart - up), np.where(is_tie, 0.0, apart + down)
-
-    def shown(self, second: FloatArray, is_log: bool) -> float:
-        """The margin as differences are given: in the unit of the values, or a ratio less 1."""
-        known = second[np.isfinite(second)]
-        if not self.is_share or is_log:
-            return self.size
-        return self.size * abs(float(known.mean())) if len(known) else 0.0
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A mean of ``n`` values with the ends of its confidence interval, NaN where it has none.
-
-    Parameters
-    ----------
-    never : values that are infinite (never settled); the mean is over the others.
-    is_same : every seed gave the same run, so that all of them are one value.
-    failed : values that are those of runs that failed; they are not among ``never``.
-    """
-
-    n: int
-    mean: float
-    low: float
-    high: float
-    never: int = 0
-    is_same: bool = False
-    failed: int = 0
-
-    def to_dict(self) -> dict[str, Any]:
-        """The estimate as plain data."""
-        ends = {name: number_or_none(getattr(self, name)) for name in ("mean", "low", "high")}
-        counts = {"never": self.never, "failed": self.failed, "identical": self.is_same}
-        return {"n": self.n, **ends, **counts}
-
-    def is_over(self, runs: int) -> bool:
-        """Whether the mean is over that many runs."""
-        return self.n == (1 if self.is_same else runs)
-
-
-@dataclass(frozen=True)
-class PairedDifference(Estimate):
-    """A typical paired difference; ``p`` is the probability of one as large by chance alone.
-
-    Parameters
-    ----------
-    mean : by t the mean; by ranks the Hodges-Lehmann estimate, with ``log ranks`` of the ratio
-        less 1. Where one side of a pair is infinite it is of all pairs, and may be infinite, too.
-    pairs : that were tested, with those in which one is infinite.
-    needed : so many pairs are needed for any result of the test to be significant; more if infinite
-        values are against the others, since these have the largest ranks.
-    against : how many are.
-    scale : the test that was taken.
-    margin : the smallest difference that counts; ``p`` is of a larger one.
-    is_negligible : the difference lies within the margin: both one-sided tests at 2.5 % say so
-        (Schuirmann, 1987).
-    is_of_these : of a contest in which a method was tuned once, ``p`` is of these controllers.
-    """
-
-    p: float = math.nan
-    pairs: int = 0
-    needed: int = 0
-    scale: Scale = "t"
-    margin: float = 0.0
-    is_equal: bool = False
-    is_negligible: bool = False
-    against: int = 0
-    is_of_these: bool = False
-
-    def to_dict(self) -> dict[str, Any]:
-        p = None if self.is_of_these else number_or_none(self.p)
-        tested = {"p": p, "pairs": self.pairs, "needed": self.needed}
-        own = super().to_dict()
-        del own["failed"]  # of two runs, either may have failed
-        return {**own, **tested, "test": self.scale, "margin": self.margin}
-
-    @property
-    def is_too_small(self) -> bool:
-        """Whether there are too few pairs for any result to be significant."""
-        return 0 < self.pairs < self.needed and not self.is_same and not self.is_equal
-
-    @property
-    def is_ratio(self) -> bool:
-        """Whether it is of a ratio, less 1."""
-        return self.scale.startswith("log")
-
-    @property
-    def of(self) -> int:
-        """How many pairs the difference is over: by ranks, infinite ones count."""
-        return self.pairs if self.never else self.n
 
 
 def estimate(
@@ -334,7 +208,11 @@ def _tested(
         return math.nan, False
     if not margin.size:
         return _p(apart, scale), False
-    above, below = margin.beyond(apart, second, scale == "log ranks")
+    # Two runs that failed are as equal with a margin as without one.
+    known = np.isfinite(second)
+    up, down = margin.offsets(np.where(known, second, 0.0), scale == "log ranks")
+    is_tie = ~known & (apart == 0.0)
+    above, below = np.where(is_tie, 0.0, apart - up), np.where(is_tie, 0.0, apart + down)
     is_within = _middle(above, scale)[2] <= 0.0 <= _middle(below, scale)[1]
     # Against the end of the margin on the side of the difference.
     side = above if centre > 0.0 else below
@@ -346,25 +224,14 @@ def _p(apart: FloatArray, scale: Scale) -> float:
     """p of no difference."""
     if scale != "t":
         return signed_rank_p(apart)
-    from scipy import special
-
-    t = abs(float(apart.mean())) / _standard_error(apart)
-    return 2.0 * float(special.stdtr(len(apart) - 1, -t))
+    error, freedom = standard_error(apart)
+    return t_p(float(apart.mean()) / error, freedom)
 
 
 def _t_interval(data: FloatArray) -> tuple[float, float]:
     if len(data) < 2 or np.ptp(data) <= ROUNDING * np.abs(data).max():
         return math.nan, math.nan
-    from scipy import special
-
-    mean, t = float(data.mean()), float(special.stdtrit(len(data) - 1, 0.5 + 0.5 * CONFIDENCE))
-    half = t * _standard_error(data)
-    return mean - half, mean + half
-
-
-def _standard_error(data: FloatArray) -> float:
-    """That of the mean of independent values."""
-    return float(data.std(ddof=1)) / math.sqrt(len(data))
+    return t_interval(float(data.mean()), *standard_error(data))
 
 
 def is_same_run(signals: Sequence[str]) -> bool:
@@ -412,13 +279,3 @@ def mcnemar_test(values: Values, baseline: Values) -> float:
     gained = sum(a is not None and b is None for a, b in pairs)
     missed = sum(a is None and b is not None for a, b in pairs)
     return sign_test(gained, missed)
-
-
-def is_significant(p: float | None) -> bool:
-    """Whether a p value is below the level; False if there is none."""
-    return p is not None and p < LEVEL
-
-
-def number_or_none(value: float) -> float | None:
-    """A number as JSON holds it: None for NaN and infinity."""
-    return value if math.isfinite(value) else None

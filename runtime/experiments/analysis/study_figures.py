@@ -21,8 +21,13 @@ from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
+from runtime.experiments.analysis.estimates import (
+    ANY,
+)
 from runtime.experiments.analysis.groups import sample_of
-from runtime.experiments.analysis.statistics import ANY, estimate
+from runtime.experiments.analysis.statistics import (
+    estimate,
+)
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep
 from runtime.experiments.analysis.sweep_plots import (
     MAP,

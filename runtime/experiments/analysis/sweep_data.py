@@ -19,8 +19,12 @@ from numpy.typing import NDArray
 from blocks.core import FloatArray
 from runtime.document import flow_yaml, from_python, parse_yaml
 from runtime.errors import Problems, UsageError
+from runtime.experiments.analysis.estimates import (
+    ANY,
+    Ends,
+    Estimate,
+)
 from runtime.experiments.analysis.groups import TrialGroup, gather
-from runtime.experiments.analysis.statistics import ANY, Ends, Estimate
 from runtime.experiments.analysis.words import NEVER, lost
 from runtime.experiments.design import (
     BASELINE,

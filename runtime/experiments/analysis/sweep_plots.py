@@ -160,7 +160,7 @@ def curve(axes: Axes, data: SweepData, metric: str, look: dict[str, Any]) -> Non
             continue
         message = f"{estimate.n}/{data.seeds}"
         if is_infinite:
-            message = mean_of(estimate, data.seeds, data.never.get(metric, NEVER))
+            message = str(mean_of(estimate, data.seeds, data.never.get(metric, NEVER)))
         # Upright, the words of neighbours do not overlap.
         how = {"color": MARK, "rotation": 90} if is_infinite else {"color": GREY}
         axes.annotate(message, (place, 1.0), **small, **how)

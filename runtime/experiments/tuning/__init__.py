@@ -8,7 +8,8 @@ from runtime.experiments.tuning.contest import (
     contest_plans,
     run_contest,
 )
-from runtime.experiments.tuning.judging import Judgement
+from runtime.experiments.tuning.judgement_table import judgement_table
+from runtime.experiments.tuning.judging import Evaluation, Judgement
 from runtime.experiments.tuning.plan import TUNING, tuning_plan
 from runtime.experiments.tuning.result import NOT_DISTINGUISHABLE, NOTHING, TuningTable
 from runtime.experiments.tuning.running import run_tuning

@@ -27,6 +27,7 @@ import numpy as np
 from runtime.experiments.analysis import (
     ANY,
     CORRECTION,
+    NARROW,
     ComparisonLine,
     Contestant,
     Questions,
@@ -43,7 +44,8 @@ from runtime.experiments.tuning.plan import BASELINE, TuningPlan, contestant_pla
 from runtime.experiments.tuning.result import TuningTable
 from runtime.experiments.tuning.running import run_tuning
 from runtime.experiments.tuning.scores import Candidate
-from runtime.terminal import Progress, number, table
+from runtime.tables import Table
+from runtime.terminal import Progress, number
 
 CONTEST = "contest.json"
 HOW = "t of tunings, conditions and seeds as samples (Satterthwaite)"
@@ -137,9 +139,11 @@ class ContestResult(Outcome):
         lines.append(f"held out: {_runs(tuning.held_out)}")
         head = ["contestant", "seed", "trials", "runs", *tuning.metrics, "values"]
         rows = [[name, *row] for name, own in self.tunings.items() for row in map(self._row, own)]
-        lines += ["", table([head, *rows], right=range(1, 4 + len(tuning.metrics)))]
+        numbers = range(1, 4 + len(tuning.metrics))
+        lines += ["", Table.of(head, rows, numbers=numbers).text()]
         if len(self.tunings) > 1:
-            lines += ["", comparison_table(self.lines, plan.units, plan.never), ""]
+            shown = comparison_table(self.lines, plan.units, plan.never).select(*NARROW)
+            lines += ["", shown.text(""), ""]
             lines += [legend(self.lines, paired=self._paired, how=HOW)]
             lines += [ONCE] * self.is_once
         return "\n".join([*lines, *self._failures(), *agreement(self.to_dict())])

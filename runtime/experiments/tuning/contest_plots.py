@@ -13,6 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from runtime.errors import UsageError
+from runtime.experiments.analysis import ComparisonLine
 from runtime.experiments.analysis.ablation_plots import draw_intervals
 from runtime.experiments.tuning.contest import CONTEST
 from runtime.files import read_json
@@ -61,7 +62,8 @@ def read_contest(folder: Path) -> dict[str, Any]:
     return facts
 
 
-def beside_first(facts: dict[str, Any]) -> list[dict[str, Any]]:
+def beside_first(facts: dict[str, Any]) -> list[ComparisonLine]:
     """The lines of each contestant beside the first, without those of other pairs."""
     references = (None, next(iter(facts["contestants"])))
-    return [line for line in facts["table"] if line["reference"] in references]
+    lines = map(ComparisonLine.from_dict, facts["table"])
+    return [line for line in lines if line.reference in references]

@@ -29,6 +29,7 @@ from runtime.experiments.analysis import (
     has_failed,
     is_same,
     is_significant,
+    number_or_nan,
     number_or_none,
     sample_of,
 )
@@ -54,6 +55,18 @@ class Evaluation:
     difference: PairedDifference | None
     p: float = math.nan
 
+    @classmethod
+    def from_dict(cls, stored: Mapping[str, Any]) -> Evaluation:
+        """An evaluation from its plain data, also from those of earlier versions."""
+        paired = stored.get("difference")
+        return cls(
+            mean=Estimate.from_dict(stored),
+            units=stored.get("runs", stored["n"]),
+            over=number_or_nan(stored.get("over")),
+            difference=None if paired is None else PairedDifference.from_dict(paired),
+            p=number_or_nan((paired or {}).get("p_adjusted")),
+        )
+
     def to_dict(self) -> dict[str, Any]:
         paired = None
         if self.difference is not None:
@@ -77,6 +90,12 @@ class Judgement:
     metric: str
     training: Evaluation
     held_out: Evaluation
+
+    @classmethod
+    def from_dict(cls, stored: Mapping[str, Any]) -> Judgement:
+        """A judgement from its plain data."""
+        runs = (Evaluation.from_dict(stored[key]) for key in ("training", "held_out"))
+        return cls(stored["configuration"], stored["metric"], *runs)
 
     @property
     def optimism(self) -> float:

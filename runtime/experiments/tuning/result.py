@@ -19,26 +19,22 @@ from runtime.errors import SimulationError
 from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
-    NEVER,
     SAME,
     SAME_RUNS,
     TESTS,
-    apart,
-    is_significant,
-    mean_of,
     number_or_none,
     too_few,
 )
 from runtime.experiments.design import TuningSettings
 from runtime.experiments.execution import Outcome
-from runtime.experiments.tuning.judging import Evaluation, Judgement, Verdict, judge, verdicts
-from runtime.experiments.tuning.plan import BASELINE, TuningPlan
+from runtime.experiments.tuning.judgement_table import FEW, NARROW, judgement_table
+from runtime.experiments.tuning.judging import Judgement, Verdict, judge, verdicts
+from runtime.experiments.tuning.plan import TuningPlan
 from runtime.experiments.tuning.scores import Candidate, front
-from runtime.terminal import number, table, with_unit
+from runtime.terminal import number
 
 NOTHING = "nothing that was tried is better than the graph's own values"
 NOT_DISTINGUISHABLE = "not distinguishable from the graph's own values"
-FEW = "few"
 
 
 @dataclass(repr=False)
@@ -167,7 +163,8 @@ class TuningTable(Outcome):
                 )
         lines += [f"  {note}" for note in edges(self)]
         if self.held_out:
-            lines += ["", table(_rows(self), right=range(2, 8)), ""]
+            shown = judgement_table(self.judgements, tuning.metrics, plan.units, plan.never)
+            lines += ["", shown.select(*NARROW).text(), ""]
             lines += [_legend(self.judgements, tuning), *_verdicts(self)]
         return "\n".join(lines)
 
@@ -261,46 +258,3 @@ def edges(result: TuningTable) -> list[str]:
                     "range; widen it"
                 )
     return notes
-
-
-def _rows(result: TuningTable) -> list[list[str]]:
-    units = result.plan.units
-    header = ["metric", "values", "training", "difference", "held out", "difference", "overfit"]
-    rows = [header]
-    lines = result.judgements
-    for metric in result.plan.tuning.metrics:
-        never = result.plan.never.get(metric, NEVER)
-        for line in lines:
-            if line.metric == metric:
-                name = "baseline" if line.number == BASELINE else str(line.number)
-                rows.append(
-                    [
-                        with_unit(metric, units),
-                        name,
-                        _mean(line.training, never),
-                        _apart(line.training),
-                        _mean(line.held_out, never),
-                        _apart(line.held_out),
-                        number(line.optimism, "+"),
-                    ]
-                )
-    return rows
-
-
-def _mean(evaluation: Evaluation, never: str) -> str:
-    return mean_of(evaluation.mean, 1 if evaluation.mean.is_same else evaluation.units, never)
-
-
-def _apart(evaluation: Evaluation) -> str:
-    difference = evaluation.difference
-    if difference is None:
-        return "-"
-    if math.isnan(difference.mean):
-        return (
-            f"({FEW})" if difference.is_too_small else "*" if is_significant(evaluation.p) else "-"
-        )
-    text, ends = apart(difference)
-    text += f" {ends}" * (ends != "-")
-    if difference.is_too_small:
-        return f"{text} ({FEW})"
-    return text + ("*" if is_significant(evaluation.p) else "")

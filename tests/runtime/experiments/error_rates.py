@@ -16,7 +16,15 @@ from pathlib import Path
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.experiments.analysis.statistics import LEVEL, Test, difference, estimate, mcnemar_test
+from runtime.experiments.analysis.estimates import (
+    LEVEL,
+)
+from runtime.experiments.analysis.statistics import (
+    Test,
+    difference,
+    estimate,
+    mcnemar_test,
+)
 from tests.runtime.experiments import error_rates_of_choices
 
 DOCS = Path(__file__).parents[3] / "docs" / "experiments.md"

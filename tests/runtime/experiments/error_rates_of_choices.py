@@ -16,7 +16,13 @@ from scipy.signal import lfilter
 
 from blocks.core import FloatArray
 from runtime.experiments.analysis.crossed import Contestant, crossed_difference
-from runtime.experiments.analysis.statistics import LEVEL, difference, estimate
+from runtime.experiments.analysis.estimates import (
+    LEVEL,
+)
+from runtime.experiments.analysis.statistics import (
+    difference,
+    estimate,
+)
 from runtime.fitting.noise import noise_of, variances
 
 TUNINGS = (1, 3, 5)

@@ -14,7 +14,9 @@ from scipy import stats
 
 from blocks.core import FloatArray
 from runtime.experiments.analysis.ablation_plots import ablation_figure
-from runtime.experiments.analysis.statistics import estimate
+from runtime.experiments.analysis.statistics import (
+    estimate,
+)
 from runtime.experiments.analysis.study_figures import study_figures
 from runtime.experiments.design import read_experiment
 from runtime.experiments.execution import ablation_plan, sweep_plan

@@ -15,11 +15,13 @@ from scipy import stats
 
 from runtime.experiments.analysis.comparison import ComparisonLine, Questions, Sample
 from runtime.experiments.analysis.comparison import compare as compare_samples
-from runtime.experiments.analysis.comparison_text import comparison_table, legend
+from runtime.experiments.analysis.comparison_table import NARROW, comparison_table, legend
+from runtime.experiments.analysis.estimates import (
+    Margin,
+)
 from runtime.experiments.analysis.ranks import fewest, signed_rank_p, walsh_interval
 from runtime.experiments.analysis.samples import slope_of
 from runtime.experiments.analysis.statistics import (
-    Margin,
     Test,
     Values,
     benjamini_hochberg,
@@ -298,6 +300,10 @@ def test_an_interval_ends_where_the_quantity_does_and_covers_as_often() -> None:
         assert (cut.low <= 1.0 <= cut.high) == (uncut.low <= 1.0 <= uncut.high)
 
 
+def terminal_text(lines: list[ComparisonLine], never: Mapping[str, str] | None = None) -> str:
+    return comparison_table(lines, {}, never).select(*NARROW).text("")
+
+
 def test_a_table_of_what_never_settles() -> None:
     values = {
         "baseline": {"settled": [3.0, 3.1, 3.3]},
@@ -305,7 +311,7 @@ def test_a_table_of_what_never_settles() -> None:
         "once": {"settled": [math.inf, 3.2, 3.4]},
     }
     lines = compare(values, questions=Questions(ends={"settled": (0.0, math.inf)}))
-    text = comparison_table(lines, {}, {"settled": "never settled"})
+    text = terminal_text(lines, {"settled": "never settled"})
     [never] = [line for line in text.splitlines() if line.startswith("  never ")]
     assert never.split() == [
         "never",
@@ -379,7 +385,7 @@ def test_a_table_with_all_that_can_happen() -> None:
         found["cut", "gain"].is_removed and found["cut", "gain"].has_significant_difference is None
     )
     assert found["same", "gain"].has_significant_difference is None
-    text = comparison_table(lines)
+    text = terminal_text(lines)
     assert "1/10" in text and "yes, in seeds" in text and "removed" in text and "equal" in text
     facts = lost.to_dict()
     assert facts["n"] == 1 and facts["low"] is None
@@ -390,7 +396,7 @@ def test_a_table_with_all_that_can_happen() -> None:
 def test_a_difference_over_some_of_the_seeds_says_so() -> None:
     values = {"baseline": {"rms": [1.0, None, 3.0, 4.0]}, "v": {"rms": [2.0, 2.0, None, 5.0]}}
     lines = compare(values)
-    shown = comparison_table(lines)
+    shown = terminal_text(lines)
     # Both have three of four seeds, and only two of these together.
     assert [line.difference.n for line in lines if line.difference is not None] == [2]
     assert shown.count("3/4") == 2

@@ -313,7 +313,10 @@ def test_the_tables_of_a_tuning_agree_with_its_results(
     html = pages["tuning"].read_text()
     winners = rows(html, "winners")
     assert [int(row[0]) for row in winners] == stored["front"]
-    for line, shown in zip(stored["table"], rows(html, "training and held-out runs"), strict=True):
+    # Metric by metric, as on a terminal.
+    metrics = [line["metric"] for line in stored["table"]]
+    table = sorted(stored["table"], key=lambda line: metrics.index(line["metric"]))
+    for line, shown in zip(table, rows(html, "training and held-out runs"), strict=True):
         assert shown[1] == (str(line["configuration"]) if line["configuration"] else "baseline")
         for column, runs in ((2, "training"), (6, "held_out")):
             assert _number(shown[column]) == pytest.approx(line[runs]["mean"], rel=1e-3)

@@ -37,7 +37,14 @@ def test_a_run_says_its_metrics_and_what_failed() -> None:
 
 def line(variant: str, n: int, mean: float | None, **difference: Any) -> dict[str, Any]:
     """A line of an ablation's table with 10 seeds."""
-    whole = {"p_adjusted": 0.2, "p_presence": None, "distinguishable": False, **difference}
+    whole = {
+        "n": n,
+        "mean": mean,
+        "p_adjusted": 0.2,
+        "p_presence": None,
+        "distinguishable": False,
+        **difference,
+    }
     is_own = variant == "baseline"
     facts = {"variant": variant, "metric": "settled_at", "runs": 10, "n": n, "mean": mean}
     return {**facts, "difference": None if is_own else whole}

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from runtime.experiments.analysis.statistics import (
+from runtime.experiments.analysis.estimates import (
     Estimate,
     PairedDifference,
+    is_significant,
+)
+from runtime.experiments.analysis.statistics import (
     Test,
     benjamini_hochberg,
     difference,
     estimate,
-    is_significant,
 )
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, RULES, Configuration, Measured

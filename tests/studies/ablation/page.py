@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from runtime.experiments.analysis.statistics import CORRECTION, LEVEL
+from runtime.experiments.analysis.estimates import (
+    LEVEL,
+)
+from runtime.experiments.analysis.statistics import (
+    CORRECTION,
+)
 from runtime.runs import versions
 from tests.studies.ablation.conclusions import conclusions, opening, overview
 from tests.studies.ablation.judge import MARGIN, Judged

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 
-from runtime.experiments.analysis.statistics import Estimate
+from runtime.experiments.analysis.estimates import (
+    Estimate,
+)
 from tests.studies.ablation.judge import AS_WELL, EQUAL, NOT_SIGNIFICANT, Effect, Metric
 from tests.studies.ablation.runs import CONFIGURATIONS
 

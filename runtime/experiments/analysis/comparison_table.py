@@ -1,6 +1,6 @@
-"""The table of a comparison as text: for a terminal, a notebook or a page.
+"""The table of a comparison, and what its words mean.
 
-In: the lines of a comparison. Out: rows of strings, and what their words mean::
+In: the lines of a comparison. Out: a table for a terminal, a notebook and a page, and its notes::
 
     total [m]
       baseline  6  2.1   0.4
@@ -9,10 +9,18 @@ In: the lines of a comparison. Out: rows of strings, and what their words mean::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 from runtime.experiments.analysis.comparison import ComparisonLine
-from runtime.experiments.analysis.statistics import CORRECTION, LEVEL, TESTS, Estimate, Test
+from runtime.experiments.analysis.estimates import (
+    LEVEL,
+)
+from runtime.experiments.analysis.statistics import (
+    CORRECTION,
+    TESTS,
+    Test,
+)
 from runtime.experiments.analysis.words import (
     NEGLIGIBLE,
     NEVER,
@@ -25,49 +33,49 @@ from runtime.experiments.analysis.words import (
     apart,
     half_width,
     interval,
-    lost,
+    mean_of,
+    p_cell,
     seeds_of,
     too_few,
 )
-from runtime.terminal import number, table, with_unit
+from runtime.tables import Cell, Column, Table
+from runtime.terminal import with_unit
 
-HEAD = (*("", "n", "mean", "interval of mean", "difference", "interval of difference", "differs"),)
+COLUMNS = (
+    Column("", key="name"),
+    Column("n", "number"),
+    Column("mean", "number"),
+    Column("±", "number", key="half"),
+    Column("95 % interval of the mean", "number", key="interval"),
+    Column("difference", "number"),
+    Column("±", "number", key="difference_half"),
+    Column("95 % interval of the difference", "number", key="difference_interval"),
+    Column("p, corrected", "number", key="p"),
+    Column("differs", "number", key="verdict"),
+)
+NARROW = ("name", "n", "mean", "half", "difference", "difference_half", "verdict")  # of a terminal
+WIDE = ("name", "n", "mean", "interval", "difference", "difference_interval", "p", "verdict")
 SOME = "n/N: n of N seeds have a value (of a difference: both); means are over those."
-
-
-def comparison_rows(
-    lines: Sequence[ComparisonLine],
-    units: Mapping[str, str] | None = None,
-    never: Mapping[str, str] | None = None,
-    interval_text: Callable[[Estimate, str], str] = interval,
-) -> list[tuple[str, ...]]:
-    """The table as strings: its header, and for each metric its name and a row per variant.
-
-    Parameters
-    ----------
-    never : for each metric that may be infinite, what that means, such as ``never settled``.
-    interval_text : writes an interval, the second argument being the sign of its format.
-    """
-    rows: list[tuple[str, ...]] = [HEAD]
-    above = ("", "")
-    for line in lines:
-        if (line.metric, line.place) != above:
-            above = line.metric, line.place
-            rows.append((", ".join(filter(None, (with_unit(above[0], units or {}), above[1]))),))
-        rows.append(_cells(line, interval_text, (never or {}).get(line.metric, NEVER)))
-    return rows
 
 
 def comparison_table(
     lines: Sequence[ComparisonLine],
     units: Mapping[str, str] | None = None,
     never: Mapping[str, str] | None = None,
-) -> str:
-    """The table for a terminal; ``units`` are those of the metrics."""
-    shorter = {"interval of mean": "±", "interval of difference": "±"}
-    rows = comparison_rows(lines, units, never, half_width)
-    rows[0] = tuple(shorter.get(title, title) for title in rows[0])
-    return table(rows, range(1, len(rows[0])), indent="")
+) -> Table:
+    """A row for each line, below the names of metrics; of these columns, :data:`NARROW` are for a
+    terminal and :data:`WIDE` for a page.
+
+    Parameters
+    ----------
+    units : of the metrics that have one.
+    never : for each metric that may be infinite, what that means, such as ``never settled``.
+    """
+    groups: dict[str, list[list[object]]] = {}
+    for line in lines:
+        title = ", ".join(filter(None, (with_unit(line.metric, units or {}), line.place)))
+        groups.setdefault(title, []).append(_cells(line, (never or {}).get(line.metric, NEVER)))
+    return Table(COLUMNS, groups=groups)
 
 
 def legend(
@@ -75,6 +83,8 @@ def legend(
     test: Test = "auto",
     paired: str = "the baseline on the same seed",
     how: str = "",
+    *,
+    has_halves: bool = True,
 ) -> str:
     """Explanations of the table's columns, as far as they are needed.
 
@@ -82,13 +92,14 @@ def legend(
     ----------
     paired : what differences are to.
     how : they are tested; by default, by the test.
+    has_halves : the table has halves of intervals, as :data:`NARROW` has.
     """
     if all(line.own.is_same or line.is_removed for line in lines):
         to = paired.partition(" on the same")[0].removesuffix(",")
         return f"Differences are to {to}. {SAME}: {SAME_RUNS}."
     differences = [line.difference for line in lines if line.difference and not line.is_single]
     notes = [
-        f"±: 95 % interval. Differences are to {paired}:",
+        "±: 95 % interval. " * has_halves + f"Differences are to {paired}:",
         f"{how or TESTS[test]}.",
         f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all that can differ.",
     ]
@@ -106,12 +117,7 @@ def legend(
         notes.append("Metrics that are not primary are described, not tested.")
     if singles := ", ".join(dict.fromkeys(line.statistic for line in lines if line.is_single)):
         notes.append(f"{singles}: one number of all observations, without interval and test.")
-    if any(line.own.is_same for line in lines):
-        notes.append(_of_same_runs(lines))
-    if any(line.own.n < line.runs and not line.own.is_same for line in lines):
-        notes.append(SOME)
-    if any(line.own.never or line.own.failed for line in lines):
-        notes.append("Infinite values (never ...) and failed runs are worse than any value.")
+    notes += _notes_of_missing(lines)
     if UNRANKED in verdicts:
         notes.append(f"{UNRANKED}: {NO_DIRECTION}.")
     if TOO_FEW in verdicts:
@@ -121,6 +127,16 @@ def legend(
     if any(line.is_removed for line in lines):
         notes.append("removed: what the metric measures was removed.")
     return "\n".join(notes)
+
+
+def _notes_of_missing(lines: Sequence[ComparisonLine]) -> Iterator[str]:
+    """What is to be known of runs that are one, or have no value."""
+    if any(line.own.is_same for line in lines):
+        yield _of_same_runs(lines)
+    if any(line.own.n < line.runs and not line.own.is_same for line in lines):
+        yield SOME
+    if any(line.own.never or line.own.failed for line in lines):
+        yield "Infinite values (never ...) and failed runs are worse than any value."
 
 
 def _few(lines: Sequence[ComparisonLine]) -> str:
@@ -143,20 +159,15 @@ def _of_same_runs(lines: Sequence[ComparisonLine]) -> str:
     return f"{SAME}: {SAME_BESIDE if is_tested else SAME_RUNS}."
 
 
-def _cells(
-    line: ComparisonLine, interval_text: Callable[[Estimate, str], str], never: str
-) -> tuple[str, ...]:
-    word = lost(line.own.never, line.own.failed, never)
-    cells = [f"  {line.title}", seeds_of(line.own, line.runs)]
-    cells += [number(line.own.mean) if line.own.n or not word else word]
-    cells += [interval_text(line.own, "")]
-    difference = line.difference
+def _cells(line: ComparisonLine, never: str) -> list[object]:
+    own, difference = line.own, line.difference
+    cells: list[object] = [line.title, seeds_of(own, line.runs)]
+    cells += [mean_of(own, line.runs, never, shares=False), half_width(own), interval(own)]
     if difference is None:
-        return (*cells, "", "", line.verdict)
-    mean, ends = apart(difference, interval_text)
-    if 0 < difference.of < line.runs and not difference.is_same and mean != "-":
-        mean += f" ({difference.of}/{line.runs})"
-    verdict = line.verdict
-    if verdict in ("yes", "no") and difference.scale == "ranks":
-        verdict += ", ranks"
-    return (*cells, mean, ends, verdict)
+        return [*cells, "", "", "", "", line.verdict]
+    is_tested = line.verdict in ("yes", "no") and difference.scale == "ranks"
+    word = f"{line.verdict}, ranks" if is_tested else line.verdict
+    verdict = Cell(word, tone="strong") if word.startswith("yes") else word
+    # That of these controllers says nothing of the methods that were compared.
+    p = math.nan if difference.is_of_these else line.p_adjusted
+    return [*cells, *apart(difference, line.runs), p_cell(p), verdict]
