@@ -54,6 +54,7 @@ KINDS = {
     "starts-anew": "a block that does not begin from the states of an earlier run",
     "not-reached": "a metric that needs a longer run",
     "changed": "what else a change of the graph has changed",
+    "run": "what happened in a run, or follows from it",
 }
 
 
@@ -175,3 +176,18 @@ class Note(Message):
     def text(self) -> str:
         """The note without its address."""
         return str(self).removeprefix(f"{self.address}: ") if self.address else str(self)
+
+    def plain(self) -> dict[str, Any]:
+        """The note as JSON has it."""
+        return {
+            "message": str(self),
+            "kind": self.kind,
+            "address": self.address,
+            "block": self.block,
+            "fixes": [plain_fix(fix) for fix in self.fixes],
+        }
+
+
+def as_note(text: str) -> Note:
+    """The note itself, or a sentence about a run as one."""
+    return text if isinstance(text, Note) else Note(text, "run")

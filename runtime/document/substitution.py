@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from blocks.core import ExpressionError, expression_function, misspelt, similar
-from blocks.messages import Message, RemoveEntry, as_message
+from blocks.messages import Message, Note, RemoveEntry, as_message
 from runtime.document.limits import Work
 from runtime.document.node import Node
 from runtime.document.sections import SECTIONS, expected_form, is_part, misspelt_keys
@@ -86,7 +86,7 @@ def _unused(name: str, used: Iterable[str]) -> Message:
     return Message(message + after, message.kind, (*message.fixes, removal))
 
 
-def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, list[str]]:
+def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, list[Note]]:
     """A graph after a change, without the params that only what was replaced has used.
 
     A file in which a param is not used is wrong; a change that makes one unused is not::
@@ -116,7 +116,8 @@ def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, 
     for name in sorted(unused & _references_of(before) if unused else ()):
         declared = declared.with_item(name, None) if declared is not None else None
         place = f"{address}.params.{name}".lstrip(".")
-        notes.append(f"{place} is left out: nothing uses ${name} after the change")
+        text = f"{place} is left out: nothing uses ${name} after the change"
+        notes.append(Note(text, "changed"))
     return after if not unused else after.with_item("params", declared), notes
 
 

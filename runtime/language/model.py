@@ -345,10 +345,10 @@ class Model:
             # A block may fail for want of what only the graph around a part gives.
             problems = [p for p in problems if p.where.line and p.kind != "block-failed"]
         if self.kind == "overlay":
-            problems = [p for p in problems if not (p.kind in OF_BASE or self._is_deletion(p))]
+            problems = [p for p in problems if not (p.kind in OF_BASE or self._is_about_null(p))]
         return sorted(set(problems))
 
-    def _is_deletion(self, problem: Problem) -> bool:
+    def _is_about_null(self, problem: Problem) -> bool:
         """Whether a problem is about a null, which deletes what the graph below may have."""
         if problem.where.file not in ("", self.file):
             return problem.kind == "unknown-input"  # a null there is known to that file alone

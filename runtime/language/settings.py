@@ -7,7 +7,7 @@ the class is that of the model which the mapping names, or of the default if it 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from blocks.core import Block, Param, Variant
 from runtime.language.items import YamlItem
@@ -87,12 +87,6 @@ def _with_places(form: str, name: str) -> str:
     arguments = form.removeprefix(name).replace(", ...", "")
     places = _ARGUMENT.sub(lambda found: f"${{{next(numbers)}:{found[0]}}}", arguments)
     return escape_snippet(name) + places
-
-
-def members_of(param: Param | None) -> Mapping[str, type[Variant]]:
-    """The settings of a family by the names that graphs write."""
-    root = root_of(param)
-    return root.members if root is not None else {}
 
 
 def _above(item: YamlItem | None, levels: int) -> YamlItem | None:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 from blocks.core import Block, ParameterError, hint, misspelt
 from blocks.files import resolved
+from blocks.messages import Note
 from blocks.registry import Modules
 from runtime.document import Node, is_part, set_entry
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
@@ -34,7 +35,7 @@ def replace_block(
     classes: Mapping[str, type[Block]],
     origin: str = "",
     modules: Modules = True,
-) -> tuple[Node, list[str]]:
+) -> tuple[Node, list[Note]]:
     """The document with a block, or a whole part, replaced by a block of another type.
 
     Parameters that the new type has as well stay, and so do wires whose ports it has. Parameters
@@ -99,12 +100,12 @@ class _Replacement:
 
     name: str
     cls: type[Block]
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
 
     def note(self, what: str) -> None:
         text = f"'{self.name}' is now a {self.cls.__name__}, {what}"
         if text not in self.notes:
-            self.notes.append(text)
+            self.notes.append(Note(text, "changed", block=self.name))
 
     def apply(self, scopes: list[Node], names: list[str], entry: dict[str, Node]) -> Node:
         """Change the innermost scope, and all that refers to the block in those around it."""
@@ -237,7 +238,7 @@ def discretize(
     step: float,
     names: Collection[str] = (),
     origin: str = "",
-) -> tuple[Node, list[str]]:
+) -> tuple[Node, list[Note]]:
     """The document with blocks, or parts, in discrete time; all that can be, if none is named.
 
     Raises
@@ -270,7 +271,8 @@ def discretize(
         made = {"type": type(block).__name__, **block.parameters(), "dt": step}
         document = set_entry(document, entry.address, made, origin)
         done.add(entry.address)
-        notes.append(f"'{name}' is now a {made['type']} with dt = {step:g} ({method})")
+        text = f"'{name}' is now a {made['type']} with dt = {step:g} ({method})"
+        notes.append(Note(text, "changed", block=name))
     if not done:
         raise UsageError(f"{place}no block has a form in discrete time")
     return document, notes

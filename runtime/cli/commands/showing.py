@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from blocks.messages import as_note
 from runtime.arguments import show_folder
 from runtime.cli.commands.rivals import names, painter
 from runtime.errors import one_line
@@ -157,6 +158,7 @@ def _summary(outcome: Outcome, options: Namespace) -> dict[str, Any]:
         "us_per_tick": manifest["us_per_tick"],
         "failures": result.failures,
         "notes": result.notes,
+        "messages": [as_note(note).plain() for note in result.notes],
         **more,
     }
 

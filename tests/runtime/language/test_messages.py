@@ -40,7 +40,7 @@ def test_every_kind_is_used_and_documented() -> None:
     source = "".join(p.read_text(encoding="utf-8") for p in files if p.name != "messages.py")
     for kind, about in KINDS.items():
         assert f"| `{kind}` | {about} |" in page
-        assert f'"{kind}"' in source or kind == "invalid-value"
+        assert f'"{kind}"' in source or kind in ("invalid-value", "run")
 
 
 def test_a_message_is_a_string_that_keeps_its_kind() -> None:
@@ -86,6 +86,19 @@ def test_json_has_kinds_and_fixes(
     assert [each["kind"] for each in problems] == ["unknown-parameter"]
     assert problems[0]["fixes"] == [fix]
     assert problems[0]["message"] == "unknown parameter, did you mean 'gain'?"
+
+
+def test_notes_of_a_run_are_data_in_json(
+    cli: Callable[..., CompletedProcess[str]], tmp_path: Path
+) -> None:
+    path = tmp_path / "right.yaml"
+    text = WRONG.replace("gian", "gain").replace("until: 1.0", "until: 1.0, solver: rk4")
+    path.write_text(text.replace("graph: wrong", "graph: right"), encoding="utf-8")
+    done = cli("run", str(path), "--json", "--out", str(tmp_path / "runs"))
+    printed = json.loads(done.stdout)
+    [found] = printed["messages"]
+    assert printed["notes"] == [found["message"]]
+    assert (found["kind"], found["address"]) == ("not-used", "run.solver")
 
 
 def test_a_note_of_a_block_is_at_the_block() -> None:
