@@ -1,0 +1,154 @@
+"""The server of one studio: the page, its files, and the socket behind it, on loopback only.
+
+In: a :class:`Room` and a token. Out: an application. Whoever connects must come from the page
+itself (Origin and Host are compared) and know the token, which only the address has that was
+printed; the page takes it out of the address bar. Nothing but the page's own files is served.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import secrets
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from spikeblocks.studio.room import Room
+
+PAGE = Path(__file__).parent / "page"
+TYPES = {
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".html": "text/html",
+    ".svg": "image/svg+xml",
+}
+NAMES = ("127.0.0.1", "localhost")
+PATIENCE = 10.0  # s to say the token
+QUEUE = 64  # messages that a slow page may have waiting; frames beyond that are dropped
+
+
+class _Connection:
+    """A page behind a socket: what is posted is sent in order."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        self.socket = socket
+        self.queue: asyncio.Queue[str | bytes] = asyncio.Queue()
+        self.missed = False
+
+    def post(self, data: str | bytes) -> None:
+        """Send it something; a page that is too slow for frames gets all of them later."""
+        if isinstance(data, bytes) and self.queue.qsize() > QUEUE:
+            self.missed = True
+            return
+        self.queue.put_nowait(data)
+
+    async def send(self, room: Room) -> None:
+        """Send what is posted."""
+        while True:
+            data = await self.queue.get()
+            if isinstance(data, bytes):
+                await self.socket.send_bytes(data)
+            else:
+                await self.socket.send_text(data)
+            if self.missed and self.queue.empty():
+                self.missed = False
+                room.process.send("all")
+
+
+def application(room: Room, token: str, port: int) -> Starlette:
+    """The application that serves a room."""
+    origins = {f"http://{name}:{port}" for name in NAMES}
+
+    async def asset(request: Request) -> Response:
+        name = request.path_params.get("name", "index.html")
+        path = PAGE / name
+        if "/" in name or path.suffix not in TYPES or not path.is_file():
+            return PlainTextResponse("there is no such file", 404)
+        nonce = secrets.token_urlsafe(16)
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".html":
+            text = text.replace("@nonce@", nonce)
+        headers = {
+            "Content-Security-Policy": _policy(nonce, port),
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Opener-Policy": "same-origin",
+            "Cross-Origin-Resource-Policy": "same-origin",
+        }
+        return Response(text, headers=headers, media_type=TYPES[path.suffix])
+
+    async def socket(websocket: WebSocket) -> None:
+        if websocket.headers.get("origin") not in origins:
+            await websocket.close(4403)
+            return
+        await websocket.accept()
+        page = _Connection(websocket)
+        try:
+            first = await asyncio.wait_for(websocket.receive_text(), PATIENCE)
+            given = _read(first).get("token")
+            if not isinstance(given, str) or not secrets.compare_digest(
+                given.encode(), token.encode()
+            ):
+                await websocket.close(4401)
+                return
+        except (TimeoutError, WebSocketDisconnect, KeyError):
+            return
+        room.join(page)
+        sending = asyncio.create_task(page.send(room))
+        try:
+            while True:
+                await room.handle(page, _read(await websocket.receive_text()))
+        except (WebSocketDisconnect, KeyError):
+            pass
+        finally:
+            sending.cancel()
+            room.leave(page)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        room.start()
+        watching = asyncio.create_task(room.watch())
+        try:
+            yield
+        finally:
+            watching.cancel()
+            room.process.stop()
+
+    return Starlette(
+        routes=[
+            Route("/", asset),
+            WebSocketRoute("/socket", socket),
+            Route("/{name}", asset),
+        ],
+        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(NAMES))],
+        lifespan=lifespan,
+    )
+
+
+def _read(text: str) -> dict[str, object]:
+    """A message of a page; an empty one if it is none."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _policy(nonce: str, port: int) -> str:
+    """A content security policy: the page's own files, and its own socket."""
+    sockets = " ".join(f"ws://{name}:{port}" for name in NAMES)
+    return (
+        f"default-src 'none'; script-src 'self'; style-src 'self' 'nonce-{nonce}'; "
+        f"img-src 'self' data:; font-src 'self'; connect-src 'self' {sockets}; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
