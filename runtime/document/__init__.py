@@ -5,8 +5,8 @@ contains, in which ``$names`` are not filled in yet; or every problem with its p
 
     node, parse_errors, scalars   text -> tree         writer   tree -> text
     loader      extends and parts merged               limits   how much work that may be
-    difference  what one tree changes in another
-    edits       --set, --without: a new tree           substitution   $names -> values
+    edits       --set, --without: a new tree; the difference of two
+    substitution   $names -> values
     sections    which keys there are                   run_section    run: -> RunSection
 
 Every change returns a new tree that shares what it does not change.
@@ -17,15 +17,17 @@ from runtime.document.arrays import (
     arrays_in,
     with_folder,
 )
-from runtime.document.difference import changed_paths, difference, same
 from runtime.document.edits import (
     Override,
     add_block,
     add_entry,
     add_names,
     add_wire,
+    changed_paths,
+    difference,
     full_path,
     names_in,
+    same,
     set_entry,
     set_wire,
 )

@@ -64,21 +64,30 @@ class _Connection:
                 room.process.send("all")
 
 
-def application(room: Room, token: str, port: int) -> Starlette:
-    """The application that serves a room."""
-    origins = {f"http://{name}:{port}" for name in NAMES}
+class Service:
+    """The page's files and its socket.
 
-    async def asset(request: Request) -> Response:
+    Parameters
+    ----------
+    token : which a page must know. port : that the addresses of pages have.
+    """
+
+    def __init__(self, room: Room, token: str, port: int) -> None:
+        self.room, self.token, self.port = room, token, port
+        self.origins = {f"http://{name}:{port}" for name in NAMES}
+
+    async def asset(self, request: Request) -> Response:
+        """One of the page's files."""
         name = request.path_params.get("name", "index.html")
         path = PAGE / name
-        if "/" in name or path.suffix not in TYPES or not path.is_file():
+        if "/" in name or "\\" in name or path.suffix not in TYPES or not path.is_file():
             return PlainTextResponse("there is no such file", 404)
         nonce = secrets.token_urlsafe(16)
         text = path.read_text(encoding="utf-8")
         if path.suffix == ".html":
             text = text.replace("@nonce@", nonce)
         headers = {
-            "Content-Security-Policy": _policy(nonce, port),
+            "Content-Security-Policy": _policy(nonce, self.port),
             "Cache-Control": "no-store",
             "Referrer-Policy": "no-referrer",
             "X-Content-Type-Options": "nosniff",
@@ -87,51 +96,51 @@ def application(room: Room, token: str, port: int) -> Starlette:
         }
         return Response(text, headers=headers, media_type=TYPES[path.suffix])
 
-    async def socket(websocket: WebSocket) -> None:
-        if websocket.headers.get("origin") not in origins:
+    async def socket(self, websocket: WebSocket) -> None:
+        """Serve one page, until it is closed."""
+        if websocket.headers.get("origin") not in self.origins:
             await websocket.close(4403)
             return
         await websocket.accept()
         page = _Connection(websocket)
-        try:
-            first = await asyncio.wait_for(websocket.receive_text(), PATIENCE)
-            given = _read(first).get("token")
-            if not isinstance(given, str) or not secrets.compare_digest(
-                given.encode(), token.encode()
-            ):
+        with contextlib.suppress(WebSocketDisconnect, TimeoutError, KeyError):
+            first = _read(await asyncio.wait_for(websocket.receive_text(), PATIENCE))
+            given = str(first.get("token", "")).encode("utf-8", "replace")
+            if not secrets.compare_digest(given, self.token.encode()):
                 await websocket.close(4401)
                 return
-        except (TimeoutError, WebSocketDisconnect, KeyError):
-            return
-        room.join(page)
-        sending = asyncio.create_task(page.send(room))
-        try:
-            while True:
-                await room.handle(page, _read(await websocket.receive_text()))
-        except (WebSocketDisconnect, KeyError):
-            pass
-        finally:
-            sending.cancel()
-            room.leave(page)
+            self.room.join(page)
+            sending = asyncio.create_task(page.send(self.room))
+            try:
+                while True:
+                    await self.room.handle(page, _read(await websocket.receive_text()))
+            finally:
+                sending.cancel()
+                self.room.leave(page)
 
     @contextlib.asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        room.start()
-        watching = asyncio.create_task(room.watch())
+    async def lifespan(self, app: Starlette) -> AsyncIterator[None]:
+        """The session's process lives as long as the server."""
+        self.room.start()
+        watching = asyncio.create_task(self.room.watch())
         try:
             yield
         finally:
             watching.cancel()
-            room.process.stop()
+            self.room.process.stop()
 
+
+def application(room: Room, token: str, port: int) -> Starlette:
+    """The application that serves a room."""
+    service = Service(room, token, port)
     return Starlette(
         routes=[
-            Route("/", asset),
-            WebSocketRoute("/socket", socket),
-            Route("/{name}", asset),
+            Route("/", service.asset),
+            WebSocketRoute("/socket", service.socket),
+            Route("/{name}", service.asset),
         ],
         middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(NAMES))],
-        lifespan=lifespan,
+        lifespan=service.lifespan,
     )
 
 

@@ -56,6 +56,7 @@ class Worker:
         self.watched: tuple[str, ...] = ()
         self.snapshots: list[SessionSnapshot] = []
         self.interval = 1
+        self.due_snapshot = 0  # the tick at which the next one is taken
         self.chunk = 1
         self.anchor = (0.0, 0)  # the time of the clock, and the tick, from which on it runs
         self.sent_at = 0.0
@@ -129,7 +130,7 @@ class Worker:
         if session is None:
             return
         due = self._due(session)
-        ticks = min(due - session.tick, self.chunk, self._until_snapshot(session))
+        ticks = min(due - session.tick, self.chunk, self.due_snapshot - session.tick)
         if ticks > 0:
             began = time.monotonic()
             self.step(ticks)
@@ -145,18 +146,22 @@ class Worker:
             self.pause()
 
     def step(self, ticks: int) -> None:
-        """Do some ticks; a failure ends the play."""
-        if self.session is None:
+        """Do some ticks, with snapshots in between; a failure ends the play."""
+        session = self.session
+        if session is None:
             return
-        try:
-            self.session.step(ticks)
-        except SpikeblocksError as error:
-            self.playing = False
-            self.tell("failed", text=str(error), what="run")
-            self.tell_state()
         self.is_dirty = True
-        if self._until_snapshot(self.session) <= 0:
-            self.take_snapshot()
+        last = session.tick + ticks
+        while session.tick < last and not session.stopped:
+            try:
+                session.step(min(last, max(self.due_snapshot, session.tick + 1)) - session.tick)
+            except SpikeblocksError as error:
+                self.playing = False
+                self.tell("failed", text=str(error), what="run")
+                self.tell_state()
+                return
+            if session.tick >= self.due_snapshot:
+                self.take_snapshot()
 
     def pause(self) -> None:
         """Stop the clock."""
@@ -166,15 +171,13 @@ class Worker:
 
     # Snapshots
 
-    def _until_snapshot(self, session: Session) -> int:
-        last = self.snapshots[-1].carried.tick if self.snapshots else -self.interval
-        return last + self.interval - session.tick
-
     def take_snapshot(self) -> None:
         """Keep the present state; if there are many, every second one is dropped."""
+        if self.session is None:
+            return
         with contextlib.suppress(SpikeblocksError):  # after a failure, or what cannot be copied
-            if self.session is not None:
-                self.snapshots.append(self.session.snapshot(rows=False))
+            self.snapshots.append(self.session.snapshot(rows=False))
+        self.due_snapshot = self.session.tick + self.interval
         if len(self.snapshots) > SNAPSHOTS:
             self.snapshots = self.snapshots[::2]
             self.interval *= 2
@@ -192,13 +195,14 @@ class Worker:
                 return
             self.snapshots = kept
             session.restore(kept[-1])
+            self.due_snapshot = session.tick + self.interval
             for change in log[len(session.log) :]:
                 session.step(change.tick - session.tick)
                 getattr(session, change.call)(*change.arguments)
-            self.views_again("back")
             self.logged = -1
-        session.step(tick - session.tick)
-        self.is_dirty = True
+            self.step(tick - session.tick)
+            self.views_again("back")
+        self.step(tick - session.tick)
         self.tell_log()
 
     # Messages

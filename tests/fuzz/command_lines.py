@@ -116,8 +116,8 @@ def verbs() -> dict[str, ArgumentParser]:
     """The parser of each verb that ends by itself."""
     (commands,) = (a for a in make_parser()._actions if a.dest == "command")
     found: Any = commands.choices
-    # A server ends when its editor does.
-    return {name: parser for name, parser in found.items() if name != "lsp"}
+    # A server ends when its editor or its user says so.
+    return {name: parser for name, parser in found.items() if name not in ("lsp", "studio")}
 
 
 def _values(action: Action, key: str) -> st.SearchStrategy[str]:

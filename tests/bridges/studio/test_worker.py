@@ -165,7 +165,7 @@ def test_values_of_a_block_are_shown() -> None:
 
 def test_speed_is_time_of_the_graph_per_time_of_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [0.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr("spikeblocks.studio.worker.time.monotonic", lambda: clock[0])
     local = small()
     local.on_play(2.0)
     for _ in range(100):
@@ -181,7 +181,10 @@ def test_speed_is_time_of_the_graph_per_time_of_the_clock(monkeypatch: pytest.Mo
     assert not local.playing
 
 
-@pytest.mark.parametrize("name", ["line_actuator_failure", "gallery/van_der_pol", "starters/adaptive"])
+QUICK = ["line_actuator_failure", "gallery/van_der_pol", "starters/adaptive"]
+
+
+@pytest.mark.parametrize("name", QUICK)
 def test_shipped_graphs_are_shown(name: str) -> None:
     shown(name)
 
