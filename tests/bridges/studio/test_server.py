@@ -156,9 +156,8 @@ def test_who_may_connect(small: tuple[Studio, Path]) -> None:
         with pytest.raises(websockets.exceptions.InvalidStatus):
             Client(made.port, made.token, origin)
     for token in ("", "x", made.token[:-1], "ü", None):
-        wrong = Client(made.port, token)  # type: ignore[arg-type]
         with pytest.raises(websockets.exceptions.ConnectionClosed) as closed:
-            wrong.read()
+            Client(made.port, token).read()  # type: ignore[arg-type]
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4401
 
 
