@@ -111,6 +111,7 @@ TYPES = {
     "DynamicSystem": "dynamics.system",
     "ExtendedKalmanFilter": "dynamics.extended_kalman",
     "Hold": "dynamics.delays",
+    "FirstOrderHold": "dynamics.delays",
     "Integrator": "dynamics.integrator",
     "KalmanFilter": "dynamics.kalman",
     "MovingAverage": "dynamics.delays",

@@ -200,6 +200,16 @@ class Block:
         """
         return ()
 
+    @property
+    def glides(self) -> bool:
+        """Whether outputs move between two ticks of the block, from what ``update`` wrote.
+
+        They are then asked for at every base tick and at the stages of a solver, where ``update``
+        still acts on the block's own ticks. They may depend on the time and the states, and must be
+        continuous at the block's ticks: a step that ends there sees the value from before.
+        """
+        return False
+
     def crossings(self, context: BlockContext) -> Sequence[str]:
         """In which direction each of the guards is met: rising, falling or either."""
         return ()

@@ -8,7 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from blocks.dynamics.attitude import QuaternionIntegrator
-    from blocks.dynamics.delays import Delay, Hold, MovingAverage
+    from blocks.dynamics.delays import Delay, FirstOrderHold, Hold, MovingAverage
     from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
     from blocks.dynamics.extended_kalman import ExtendedKalmanFilter
     from blocks.dynamics.integrator import Integrator
@@ -29,6 +29,7 @@ else:
 __all__ = ["PID", "Butterworth", "DiscreteSystem"]
 __all__ += ["Delay", "Derivative", "DiscreteIntegrator", "DiscretePID", "DiscreteStateSpace"]
 __all__ += ["DiscreteTransferFunction", "DynamicSystem", "ExtendedKalmanFilter", "Hold"]
+__all__ += ["FirstOrderHold"]
 __all__ += [
     "Integrator",
     "KalmanFilter",

@@ -216,6 +216,48 @@ class Hold(Recalling):
         self.store(state, state.cells, input)
 
 
+class FirstOrderHold(Recalling):
+    """Sample a signal, and move along a line from one sample to the next.
+
+        input ─▶ [ FirstOrderHold ] ─▶ out
+
+    out(t) = input(t_k-1) + (input(t_k) - input(t_k-1)) * (t - t_k) / T for t_k <= t <= t_k+1, each
+    component, with the ticks t_k of the block's own ``dt``, T. It reaches a sample one step after
+    it was taken, so that it never jumps; before the first tick the input was ``initial``. A solver
+    gets points of the line at its stages.
+    """
+
+    out = Output(Same("T"), doc="the line between the last two samples")
+
+    samples = State(2, like="out", doc="the sample before the last, and the last")
+    sampled_at = State(doc="the time of the last sample (s)")
+
+    @property
+    def glides(self) -> bool:
+        return True
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.cells = state.samples.reshape(2, -1)
+        state.cells[:] = state.first
+
+    def resume(self, state: BlockState) -> None:
+        # The time of an earlier run, which this one begins anew: at the end of its line.
+        state.sampled_at = -state.dt
+
+    def output(self, state: BlockState, t: float) -> Any:
+        share = min(1.0, (t - float(state.sampled_at)) / state.dt)
+        out = np.empty(state.size)
+        for i in range(state.size):
+            out[i] = state.cells[0, i] + share * (state.cells[1, i] - state.cells[0, i])
+        return self.packed(state, out)
+
+    def update(self, state: BlockState, t: float, input: Any) -> None:
+        state.cells[0] = state.cells[1]
+        self.store(state, state.cells[1], input)
+        state.sampled_at = t
+
+
 class MovingAverage(_Ring):
     """The mean of the last values.
 

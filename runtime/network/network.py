@@ -70,6 +70,12 @@ class NetworkEntry:
         return math.gcd(self.every, self.offset)
 
     @property
+    def output_rate(self) -> tuple[int, int]:
+        """The base ticks between two values of an output, and the tick of its first one."""
+        glides = self.block_or_none is not None and self.block_or_none.glides
+        return (1, 0) if glides else (self.every, self.offset)
+
+    @property
     def short(self) -> str:
         """The name inside its own graph."""
         return self.name.removeprefix(self.scope.prefix)
@@ -207,9 +213,9 @@ class Network(RunSection):
     def moving(self) -> frozenset[Port]:
         """The outputs that may change between two ticks; all others hold their value of a tick.
 
-        They are outputs of blocks with continuous states, and of blocks without memory that read
-        the time or such an output, or recall one. Sampled blocks hold, and thereby noise and
-        spikes.
+        They are outputs of blocks with continuous states or that glide, and of blocks without
+        memory that read the time or such an output, or recall one. Other sampled blocks hold, and
+        thereby noise and spikes.
         """
         sources: dict[Port, list[Port]] = {}
         for wire in self.driving:
@@ -222,6 +228,9 @@ class Network(RunSection):
             if entry.block_or_none is None:
                 continue
             recalled = () if entry.sampled else entry.block.recalls
+            if entry.block.glides:
+                waiting += [(name, port) for call in entry.evaluations for port in call.outputs]
+                continue
             if self.holds(name) or not (spec.continuous or entry.is_memoryless or recalled):
                 continue
             for call in entry.evaluations:

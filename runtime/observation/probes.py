@@ -342,12 +342,13 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     name_shown = "" if end.component or shape else spec.outputs[end.port].label
     # Figures draw steps for what is held between ticks, and straight lines for what moves.
     held = (end.block, end.port) not in network.moving
+    every, offset = entry.output_rate
     return Signal(
-        *(label, end, shape, labels, units, name, entry.every),
+        *(label, end, shape, labels, units, name, every),
         constant=constant,
         name=name_shown,
         held=held,
-        first=0 if constant else entry.offset,
+        first=0 if constant else offset,
     )
 
 

@@ -142,6 +142,7 @@ class _Builder:
         """The calls that compute outputs, and loops of them, in order."""
         calls = []
         for name, entry in self.network.entries.items():
+            every, offset = entry.output_rate
             for evaluation in entry.evaluations:
                 constant = entry.cls.spec.is_constant(evaluation)
                 # What depends on states alone needs no switch: they hold.
@@ -149,8 +150,7 @@ class _Builder:
                 varies = bool(evaluation.needs) or timed
                 switches = self.switches.get(name, ()) if varies and not constant else ()
                 outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
-                late = entry.offset > 0
-                gate = Gate(entry.every, switches, False, constant, entry.offset, starts=late)
+                gate = Gate(every, switches, False, constant, offset, starts=offset > 0)
                 calls.append(self.call(name, evaluation, outputs, gate))
         return ordered(calls, self.wires, self.network.loops == "solve")
 

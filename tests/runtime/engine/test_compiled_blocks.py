@@ -618,6 +618,7 @@ CASES: dict[str, list[Case]] = {
     "TwoLinkArm": [Case(blocks.TwoLinkArm(friction=[0.1, 0.2]), free=("x",))],
     "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],
     "Hold": elementwise(blocks.Hold()),
+    "FirstOrderHold": elementwise(blocks.FirstOrderHold()),
     "MovingAverage": [
         *elementwise(blocks.MovingAverage(samples=4, initial=1.0), "ring"),
         Case(blocks.MovingAverage(samples=1)),
