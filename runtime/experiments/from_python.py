@@ -105,7 +105,7 @@ def sweep(
     entries: dict[str, object] = {"seeds": seeds, "random": random, "sobol": sobol}
     entries |= {"sampling_seed": sampling_seed, "minimize": minimize, "maximize": maximize}
     request = Request.of(entries, vary=(vary or {}).items(), variants=(variants or {}).items())
-    plan = sweep_plan(request.added_to(_experiment(graph)))
+    plan = sweep_plan(request.apply_to(_experiment(graph)))
 
     def run(target: Path) -> SweepTable:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed, keep)
@@ -167,7 +167,7 @@ def ablate(
     entries["contrasts"] = [list(pair) for pair in contrasts]
     named, values = (variants or {}).items(), (vary or {}).items()
     request = Request.of(entries, vary=values, variants=named)
-    plan = ablation_plan(request.added_to(_experiment(graph)))
+    plan = ablation_plan(request.apply_to(_experiment(graph)))
 
     def run(target: Path) -> AblationTable:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
@@ -224,7 +224,7 @@ def tune(
     KeyboardInterrupt : it was interrupted; with a ``folder``, ``resume=True`` continues it.
     """
     entries: dict[str, object] = {"seeds": seeds, "held_out": held_out, "trials": trials}
-    entries |= {"minimize": _listed(minimize), "maximize": _listed(maximize)}
+    entries |= {"minimize": _as_list(minimize), "maximize": _as_list(maximize)}
     entries |= {"constraints": constraints or None, "sampler": sampler, "batch": batch}
     entries |= {"sampling_seed": sampling_seed, "over": over, "stop_early": stop_early}
     request = Request.of(
@@ -233,7 +233,7 @@ def tune(
         conditions=(conditions or {}).items(),
         held_out_conditions=(held_out_conditions or {}).items(),
     )
-    plan = tuning_plan(request.added_to(_experiment(graph)))
+    plan = tuning_plan(request.apply_to(_experiment(graph)))
 
     def run(target: Path) -> TuningTable:
         options = _options(target, resume, jobs, scheduler, timeout, checkpoint, mixed)
@@ -291,5 +291,5 @@ def _experiment(graph: Source) -> Experiment:
     return Experiment(slug(loaded.title), loaded)
 
 
-def _listed(metrics: str | Sequence[str]) -> list[str]:
+def _as_list(metrics: str | Sequence[str]) -> list[str]:
     return [metrics] if isinstance(metrics, str) else list(metrics)

@@ -68,7 +68,7 @@ def fit(
     else:
         loaded = graph if isinstance(graph, Graph) else load(graph)
         base = Experiment(slug(loaded.title), loaded)
-    experiment = request.added_to(base)
+    experiment = request.apply_to(base)
     extra = tuple(_measurements(experiment.graph, data or {}, weights or {}))
     return fit_model(model_of(experiment, extra), starts)
 

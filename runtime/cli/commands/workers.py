@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 
 MAX_JOBS = 4096
 AGAIN = ("lost", "failed", "invalid", "timeout")
-# The options that are entries of an experiment file, too.
-ENTRIES = (
-    *("seeds", "held_out", "random", "sobol", "sampling_seed", "minimize", "maximize"),
-    *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
-    *("primary", "margin", "budget", "patience", "repeats"),
-)
 
 
 def add_experiment(
@@ -129,7 +123,7 @@ def start_early(options: Namespace) -> None:
 
 def experiment_of(options: Namespace, variants: Named = ()) -> Experiment:
     """The experiment of a file or graph with all that the command line adds to it."""
-    from runtime.experiments.design import ON_COMMAND_LINE, Request, read_experiment
+    from runtime.experiments.design import ENTRY_KEYS, ON_COMMAND_LINE, Request, read_experiment
 
     experiment = read_experiment(
         options.graph, lambda graph: changed(graph, options), modules=not options.no_modules
@@ -141,11 +135,12 @@ def experiment_of(options: Namespace, variants: Named = ()) -> Experiment:
         if not equals:
             raise UsageError(f"--vary {text}: expected PATH=VALUES")
         vary.append((path.strip(), values))
-    entries = {key: written.get(key) for key in ENTRIES}
+    # --figures are the formats of pictures.
+    entries = {key: written.get(key) for key in ENTRY_KEYS if key not in ("vary", "figures")}
     request = Request.of(
         entries, vary=vary, name=options.name, variants=variants, option=ON_COMMAND_LINE
     )
-    return request.added_to(experiment)
+    return request.apply_to(experiment)
 
 
 def run_options(options: Namespace, name: str) -> RunOptions:
@@ -156,7 +151,10 @@ def run_options(options: Namespace, name: str) -> RunOptions:
     return RunOptions(
         Path(options.out) / name,
         pool_factory(
-            *(options.jobs, options.scheduler, options.timeout, options.checkpoint),
+            options.jobs,
+            options.scheduler,
+            options.timeout,
+            options.checkpoint,
             mixed=options.mixed,
             note=note_of(options),
         ),

@@ -8,7 +8,7 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.experiments.design.checks import check_design, check_paths, own_value
-    from runtime.experiments.design.entries import Over, Sampler
+    from runtime.experiments.design.entries import ENTRY_KEYS, Over, Sampler
     from runtime.experiments.design.experiment import (
         CHANGES,
         KEYS,

@@ -27,160 +27,32 @@ from runtime.graph import Graph
 
 Sampler = Literal["tpe", "nsga2", "sobol", "random"]
 Over = Literal["mean", "worst"]
-# What an ablation asks of the results.
-QUESTION_KEYS = ("primary", "contrasts", "margin", "quantile", "worst", "figures")
-SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
-TUNING_KEYS = (
-    *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
-    *("training", "held_out", "budget", "patience", "repeats"),
-)
 RUN_KEYS = ("seeds", "conditions")
 MOST_SAMPLES, MOST_TRIALS, MOST_BATCH, MOST_REPEATS = 10**9, 10**6, 4096, 1000
 _CONSTRAINT = re.compile(r"\s*(?P<metric>\S+)\s+(?P<side>below|above)\s+(?P<bound>\S+)\s*")
 # The seeds and the conditions of training or of held-out runs.
 RunEntries = tuple[Seeds | None, tuple[GraphVariant, ...]]
-
-
-@dataclass(frozen=True)
-class Entries:
-    """What is written about an experiment besides its graph; None or empty where nothing is.
-
-    Parameters
-    ----------
-    seeds : of all runs; of a tuning, of the training runs.
-    factors, sampling, sampling_seed : what is varied; by which method how many samples of it.
-    objectives : what is minimised or maximised, the first one for a sweep.
-    constraints : what must hold for the winner of a tuning.
-    trials, sampler, batch, over, stop_early : how a tuning searches; see :class:`Tuning`.
-    training, held_out : the runs of a tuning.
-    primary : metrics whose differences are tested, all if empty.
-    contrasts : variants that are compared with each other, besides with the baseline.
-    margins : the smallest differences that count, by metric; '' for all others.
-    quantiles, worst : what the table shows of each metric besides its mean.
-    figures : what is drawn besides the usual figures.
-    budget : the most training runs of a tuning, those that were stopped early included.
-    patience : trials per factor without a better one, after which a tuning ends.
-    repeats : tunings with other seeds of the sampler.
-    metrics : those that are wanted, besides what other entries name; all if empty.
-    """
-
-    seeds: Seeds | None = None
-    factors: tuple[Factor, ...] = ()
-    sampling: tuple[Method, int] | None = None
-    sampling_seed: int | None = None
-    objectives: tuple[Objective, ...] = ()
-    constraints: tuple[Constraint, ...] = ()
-    trials: int | None = None
-    sampler: Sampler | None = None
-    batch: int | None = None
-    over: Over | None = None
-    stop_early: bool | None = None
-    training: RunEntries = (None, ())
-    held_out: RunEntries = (None, ())
-    primary: tuple[str, ...] = ()
-    contrasts: tuple[tuple[str, str], ...] = ()
-    margins: tuple[tuple[str, float | str], ...] = ()
-    quantiles: tuple[float, ...] = ()
-    worst: bool | None = None
-    figures: tuple[FigureSpec, ...] = ()
-    budget: int | None = None
-    patience: int | None = None
-    repeats: int | None = None
-    metrics: tuple[str, ...] = ()
-
-    def overlay(self, other: Entries) -> Entries:
-        """These entries with others over them: an entry of ``other`` replaces one of the same name.
-
-        A factor replaces that of the same path, constraints are added.
-        """
-        replaced = {factor.path for factor in other.factors}
-        merged: dict[str, Any] = {
-            "factors": (*(f for f in self.factors if f.path not in replaced), *other.factors),
-            "constraints": tuple(dict.fromkeys(self.constraints + other.constraints)),
-            # The seeds of a command are those of training, whatever the file says of either.
-            "training": (
-                other.training[0] or other.seeds or self.training[0],
-                other.training[1] or self.training[1],
-            ),
-            "held_out": (
-                other.held_out[0] or self.held_out[0],
-                other.held_out[1] or self.held_out[1],
-            ),
-        }
-        for each in fields(self):
-            value = getattr(other, each.name)
-            is_absent = value is None or value == ()
-            merged.setdefault(each.name, getattr(self, each.name) if is_absent else value)
-        return Entries(**merged)
-
-
-def read_entries(
-    document: Node,
-    graph: Graph,
-    problems: Problems,
-    variants: Callable[[Node, str], list[GraphVariant]] = lambda node, address: [],
-) -> Entries:
-    """The entries of a mapping, checked on a graph that is valid itself.
-
-    Parameters
-    ----------
-    variants : reads a section of named changes, given with its address.
-    """
-    reader = _EntryReader(document, problems, graph, variants)
-    return Entries(
-        **reader.plain(),
-        factors=tuple(reader.factors()),
-        objectives=tuple(reader.objectives()),
-        constraints=tuple(reader.constraints()),
-        training=reader.runs("training"),
-        held_out=reader.runs("held_out"),
-        primary=tuple(reader.primary()),
-        contrasts=tuple(reader.contrasts()),
-        margins=tuple(reader.margins()),
-        figures=tuple(reader.figures()),
-        metrics=tuple(reader.metrics()),
-    )
-
-
-def read_plain_entries(document: Node, problems: Problems) -> None:
-    """Report what is wrong with the entries that can be checked without a graph."""
-    _PlainReader(document, problems).plain()
+# Which experiments use an entry; the others refuse it, since it would change nothing.
+COMPARING = ("sweep", "ablation")
+SEARCHING = ("tuning", "contest")
 
 
 @dataclass
 class _PlainReader:
-    """Reads entries that need no graph, one after the other; continues after a problem."""
+    """Reads entries that need no graph; continues after a problem."""
 
     document: Node
     problems: Problems
-
-    def plain(self) -> dict[str, Any]:
-        """These entries by the names that they have in :class:`Entries`."""
-        return {
-            "seeds": self.seeds(self.document, "seeds"),
-            "sampling": self.sampling(),
-            "sampling_seed": self.whole("sampling_seed", 0, MOST_SAMPLES),
-            "trials": self.whole("trials", 1, MOST_TRIALS),
-            "sampler": self.choice("sampler", get_args(Sampler)),
-            "batch": self.whole("batch", 1, MOST_BATCH),
-            "over": self.choice("over", get_args(Over)),
-            "stop_early": self.choice("stop_early", (True, False)),
-            "budget": self.whole("budget", 1, MOST_TRIALS),
-            "patience": self.whole("patience", 1, MOST_TRIALS),
-            "repeats": self.whole("repeats", 1, MOST_REPEATS),
-            "quantiles": tuple(self.quantiles()),
-            "worst": self.choice("worst", (True, False)),
-        }
 
     def refuse(self, node: Node, address: str, message: str) -> None:
         """Report a problem; what no file contains is named by its option, not by its address."""
         self.problems.add(node.where, address if node.where.line else "", message)
 
-    def seeds(self, document: Node, key: str, prefix: str = "") -> Seeds | None:
-        node = document.get(key)
+    def seeds(self, document: Node | None = None, prefix: str = "") -> Seeds | None:
+        node = (document or self.document).get("seeds")
         if node is None:
             return None
-        return parse_seeds(node, f"{prefix}{key}" if node.where.line else "", self.problems)
+        return parse_seeds(node, f"{prefix}seeds" if node.where.line else "", self.problems)
 
     def sampling(self) -> tuple[Method, int] | None:
         methods: tuple[Method, ...] = ("sobol", "random")
@@ -369,4 +241,159 @@ class _EntryReader(_PlainReader):
         check_keys(node, RUN_KEYS, key, self.problems, "key")
         section = node.get("conditions")
         conditions = () if section is None else self.variants(section, f"{key}.conditions")
-        return self.seeds(node, "seeds", f"{key}."), tuple(conditions)
+        return self.seeds(node, f"{key}."), tuple(conditions)
+
+
+@dataclass(frozen=True)
+class Entries:
+    """What is written about an experiment besides its graph; None or empty where nothing is.
+
+    Parameters
+    ----------
+    seeds : of all runs; of a tuning, of the training runs.
+    factors, sampling, sampling_seed : what is varied; by which method how many samples of it.
+    objectives : what is minimised or maximised, the first one for a sweep.
+    constraints : what must hold for the winner of a tuning.
+    trials, sampler, batch, over, stop_early : how a tuning searches; see :class:`Tuning`.
+    training, held_out : the runs of a tuning.
+    primary : metrics whose differences are tested, all if empty.
+    contrasts : variants that are compared with each other, besides with the baseline.
+    margins : the smallest differences that count, by metric; '' for all others.
+    quantiles, worst : what the table shows of each metric besides its mean.
+    figures : what is drawn besides the usual figures.
+    budget : the most training runs of a tuning, those that were stopped early included.
+    patience : trials per factor without a better one, after which a tuning ends.
+    repeats : tunings with other seeds of the sampler.
+    metrics : those that are wanted, besides what other entries name; all if empty.
+    """
+
+    seeds: Seeds | None = None
+    factors: tuple[Factor, ...] = ()
+    sampling: tuple[Method, int] | None = None
+    sampling_seed: int | None = None
+    objectives: tuple[Objective, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    trials: int | None = None
+    sampler: Sampler | None = None
+    batch: int | None = None
+    over: Over | None = None
+    stop_early: bool | None = None
+    training: RunEntries = (None, ())
+    held_out: RunEntries = (None, ())
+    primary: tuple[str, ...] = ()
+    contrasts: tuple[tuple[str, str], ...] = ()
+    margins: tuple[tuple[str, float | str], ...] = ()
+    quantiles: tuple[float, ...] = ()
+    worst: bool | None = None
+    figures: tuple[FigureSpec, ...] = ()
+    budget: int | None = None
+    patience: int | None = None
+    repeats: int | None = None
+    metrics: tuple[str, ...] = ()
+
+    def overlay(self, other: Entries) -> Entries:
+        """These entries with others over them: an entry of ``other`` replaces one of the same name.
+
+        A factor replaces that of the same path, constraints are added.
+        """
+        replaced = {factor.path for factor in other.factors}
+        merged: dict[str, Any] = {
+            "factors": (*(f for f in self.factors if f.path not in replaced), *other.factors),
+            "constraints": tuple(dict.fromkeys(self.constraints + other.constraints)),
+            # The seeds of a command are those of training, whatever the file says of either.
+            "training": (
+                other.training[0] or other.seeds or self.training[0],
+                other.training[1] or self.training[1],
+            ),
+            "held_out": (
+                other.held_out[0] or self.held_out[0],
+                other.held_out[1] or self.held_out[1],
+            ),
+        }
+        for each in fields(self):
+            value = getattr(other, each.name)
+            is_absent = value is None or value == ()
+            merged.setdefault(each.name, getattr(self, each.name) if is_absent else value)
+        return Entries(**merged)
+
+
+@dataclass(frozen=True)
+class _Key:
+    """How a field of :class:`Entries` is read.
+
+    Parameters
+    ----------
+    read : the field's value from a reader; of an iterator, a tuple of its values.
+    used_by : the kinds of experiments that use it; all if empty.
+    keys : its names in a file, if it has another one there.
+    """
+
+    read: Callable[[Any], Any]
+    used_by: tuple[str, ...] = SEARCHING
+    keys: tuple[str, ...] = ()
+    is_plain: bool = False
+
+    def value(self, reader: _PlainReader) -> Any:
+        value = self.read(reader)
+        return tuple(value) if isinstance(value, Iterator) else value
+
+
+def _whole(key: str, most: int, used_by: tuple[str, ...] = SEARCHING, least: int = 1) -> _Key:
+    return _Key(lambda reader: reader.whole(key, least, most), used_by, is_plain=True)
+
+
+def _choice(key: str, choices: tuple[Any, ...], used_by: tuple[str, ...] = SEARCHING) -> _Key:
+    return _Key(lambda reader: reader.choice(key, choices), used_by, is_plain=True)
+
+
+_FIELDS = {
+    "seeds": _Key(_EntryReader.seeds, (), is_plain=True),
+    "factors": _Key(_EntryReader.factors, (*COMPARING, "tuning", "fit"), ("vary",)),
+    "sampling": _Key(_EntryReader.sampling, COMPARING, ("random", "sobol"), is_plain=True),
+    "sampling_seed": _whole("sampling_seed", MOST_SAMPLES, (*COMPARING, "tuning"), least=0),
+    "objectives": _Key(_EntryReader.objectives, COMPARING + SEARCHING, ("minimize", "maximize")),
+    "constraints": _Key(_EntryReader.constraints),
+    "trials": _whole("trials", MOST_TRIALS),
+    "sampler": _choice("sampler", get_args(Sampler)),
+    "batch": _whole("batch", MOST_BATCH),
+    "over": _choice("over", get_args(Over)),
+    "stop_early": _choice("stop_early", (True, False)),
+    "training": _Key(lambda reader: reader.runs("training")),
+    "held_out": _Key(lambda reader: reader.runs("held_out")),
+    "primary": _Key(_EntryReader.primary, COMPARING),
+    "contrasts": _Key(_EntryReader.contrasts, COMPARING),
+    "margins": _Key(_EntryReader.margins, (*COMPARING, "contest"), ("margin",)),
+    "quantiles": _Key(_EntryReader.quantiles, COMPARING, ("quantile",), is_plain=True),
+    "worst": _choice("worst", (True, False), COMPARING),
+    "figures": _Key(_EntryReader.figures, COMPARING),
+    "budget": _whole("budget", MOST_TRIALS),
+    "patience": _whole("patience", MOST_TRIALS),
+    "repeats": _whole("repeats", MOST_REPEATS),
+    "metrics": _Key(_EntryReader.metrics, COMPARING),
+}
+# The keys of an experiment file that are entries, and the kinds of experiments that use each.
+ENTRY_KEYS = {key: each.used_by for name, each in _FIELDS.items() for key in each.keys or (name,)}
+
+
+def read_entries(
+    document: Node,
+    graph: Graph,
+    problems: Problems,
+    variants: Callable[[Node, str], list[GraphVariant]] = lambda node, address: [],
+) -> Entries:
+    """The entries of a mapping, checked on a graph that is valid itself.
+
+    Parameters
+    ----------
+    variants : reads a section of named changes, given with its address.
+    """
+    reader = _EntryReader(document, problems, graph, variants)
+    return Entries(**{name: each.value(reader) for name, each in _FIELDS.items()})
+
+
+def read_plain_entries(document: Node, problems: Problems) -> None:
+    """Report what is wrong with the entries that can be checked without a graph."""
+    reader = _PlainReader(document, problems)
+    for each in _FIELDS.values():
+        if each.is_plain:
+            each.value(reader)

@@ -37,9 +37,8 @@ from runtime.errors import (
 )
 from runtime.experiments.design.checks import check_change
 from runtime.experiments.design.entries import (
-    QUESTION_KEYS,
-    SWEEP_KEYS,
-    TUNING_KEYS,
+    COMPARING,
+    ENTRY_KEYS,
     Entries,
     read_entries,
     read_plain_entries,
@@ -57,34 +56,27 @@ from runtime.graph import Graph, load
 
 TUNED = "tuning:"  # before the name of a tuning, in ``with``
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
-# Further keys of plan.yaml, which is an experiment file as well.
+# Further keys of plan.yaml, which is an experiment file as well; points and made are of schema 1.
 PLAN_KEYS = (
-    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest", "checks"),
-    *("provenance", "optimizer"),
-    *("points", "made"),  # total and provenance, in plans of schema 1
+    "schema_version",
+    "kind",
+    "metrics",
+    "units",
+    "ends",
+    "never",
+    "total",
+    "digest",
+    "checks",
+    "provenance",
+    "optimizer",
+    "points",
+    "made",
 )
-KEYS = (
-    *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", "data"),
-    "contestants",
-    *QUESTION_KEYS,
-    *(*TUNING_KEYS, *PLAN_KEYS),
-)
+# The kinds of experiments that use each section; all where there is none.
+USED_BY = {**ENTRY_KEYS, "variants": COMPARING, "data": ("fit",), "contestants": ("contest",)}
+KEYS = tuple(dict.fromkeys(["experiment", "graph", "until", *CHANGES, *USED_BY, *PLAN_KEYS]))
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
-# What uses each section that not all do; elsewhere it would change nothing without a word.
-_COMPARING = ("sweep", "ablation")
-USED_BY = {
-    "vary": ("sweep", "ablation", "tuning", "fit"),
-    **dict.fromkeys(("random", "sobol", "variants", "metrics", *QUESTION_KEYS), _COMPARING),
-    **dict.fromkeys(("sampling_seed", "minimize", "maximize"), (*_COMPARING, "tuning")),
-    **dict.fromkeys(TUNING_KEYS, ("tuning", "contest")),
-    "contestants": ("contest",),
-    "data": ("fit",),
-}
-USED_BY |= {key: (*USED_BY[key], "contest") for key in ("minimize", "maximize", "margin")}
-VERBS = {
-    **{"sweep": "sweep", "ablation": "ablate", "tuning": "tune"},
-    **{"contest": "contest", "fit": "fit"},
-}
+VERBS = {"ablation": "ablate", "tuning": "tune"}  # where they are not called as the kind
 Change = Callable[[Graph], Graph]
 
 
@@ -115,10 +107,10 @@ class Experiment:
         """
         problems = Problems()
         for key, where in self.sections.items():
-            users = USED_BY.get(key, (kind,))
-            if kind not in users:
-                others = " and ".join(f"'runtime {VERBS[user]}'" for user in users)
-                message = f"'runtime {VERBS[kind]}' does not use it, but {others}; "
+            users = USED_BY.get(key, ())
+            if users and kind not in users:
+                others = " and ".join(f"'runtime {VERBS.get(user, user)}'" for user in users)
+                message = f"'runtime {VERBS.get(kind, kind)}' does not use it, but {others}; "
                 problems.add(where, key, f"{message}move it to a file of its own")
         problems.raise_any()
 
@@ -231,8 +223,10 @@ class _ExperimentReader:
             name=str(name.value) if name is not None else slug(otherwise),
             graph=graph,
             entries=read_entries(
-                *(document, graph, problems),
-                lambda node, address: self.named_variants(node, address, graph),
+                document,
+                graph,
+                problems,
+                lambda node, address: self.read_variants(node, address, graph),
             ),
             variants=tuple(self.variants(graph)),
             data=tuple(self.measurements(graph)),
@@ -256,7 +250,7 @@ class _ExperimentReader:
         if named is None:
             return None
         try:
-            return self.change(self.changed(named, self.document, "")).check()
+            return self.change(self.apply_changes(named, self.document, "")).check()
         except GraphError as error:
             self.report(error, "", self.document.where)
         self.blamed = {
@@ -305,7 +299,7 @@ class _ExperimentReader:
             self.report(error, address, named.where)
             return None
 
-    def changed(self, graph: Graph, node: Node, place: str) -> Graph:
+    def apply_changes(self, graph: Graph, node: Node, place: str) -> Graph:
         """A graph with an entry's changes, in the order in which they are written.
 
         What cannot be made is reported, and left out.
@@ -344,7 +338,7 @@ class _ExperimentReader:
             return changed
         if kind == "with":
             if name.startswith(TUNED):
-                return self.with_tuned(graph, node, address)
+                return self.apply_tuning(graph, node, address)
             path = find_file(name, (node.where, address), self.folder)
             return graph.overlay(path, self.unsaved)
         value = plain_value(node, f"{address}.{name}")
@@ -355,7 +349,7 @@ class _ExperimentReader:
         changed = getattr(graph, "set" if kind == "until" else kind)(name, value, origin=origin)
         return changed
 
-    def with_tuned(self, graph: Graph, node: Node, address: str) -> Graph:
+    def apply_tuning(self, graph: Graph, node: Node, address: str) -> Graph:
         """A graph with the values that won a tuning: ``tuning:NAME``, or its folder."""
         name = node.value.removeprefix(TUNED)
         places = [self.folder / name, self.folder / "tunings" / name, Path("tunings") / name]
@@ -388,16 +382,16 @@ class _ExperimentReader:
 
     def variants(self, graph: Graph) -> list[GraphVariant]:
         section = self.document.get("variants")
-        return [] if section is None else self.named_variants(section, "variants", graph)
+        return [] if section is None else self.read_variants(section, "variants", graph)
 
     def contestants(self, graph: Graph) -> Iterable[Experiment]:
         """Each contestant as a tuning of its own: its graph, its factors, and all other entries."""
         section = self.document.get("contestants")
         if section is None:
             return
-        for each in self.named_variants(section, "contestants", graph, (*VARIANT_KEYS, "vary")):
+        for each in self.read_variants(section, "contestants", graph, (*VARIANT_KEYS, "vary")):
             document = self.document.with_item("vary", section.value[each.name].get("vary"))
-            own = partial(self.named_variants, graph=each.graph)
+            own = partial(self.read_variants, graph=each.graph)
             entries = read_entries(document, each.graph, self.problems, own)
             yield Experiment(each.name, each.graph, entries)
 
@@ -405,10 +399,10 @@ class _ExperimentReader:
         section = self.document.get("data")
         if section is None:
             return ()
-        variants = self.named_variants(section, "data", graph, (*VARIANT_KEYS, *DATA_KEYS))
+        variants = self.read_variants(section, "data", graph, (*VARIANT_KEYS, *DATA_KEYS))
         return read_measurements(section, variants, self.folder, self.problems)
 
-    def named_variants(
+    def read_variants(
         self, section: Node, address: str, graph: Graph, keys: Sequence[str] = VARIANT_KEYS
     ) -> list[GraphVariant]:
         """The graphs of a section that maps names to changes of a graph, and other ``keys``."""
@@ -427,7 +421,7 @@ class _ExperimentReader:
             outside, known = self.blamed, len(self.problems.items)
             self.blamed = set(outside)
             base = graph if node.get("graph") is None else self.graph(node, place)
-            changed = self.changed(base or graph, node, place)
+            changed = self.apply_changes(base or graph, node, place)
             try:
                 check_change(graph, f"variant {place}", changed)
             except GraphError as error:

@@ -10,7 +10,7 @@ In: an entry of ``figures``. Out: :class:`FigureSpec`::
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from blocks.core import misspelt
@@ -20,10 +20,6 @@ from runtime.experiments.design.checks import check_metric
 from runtime.experiments.design.factors import Factor
 from runtime.graph import Graph
 
-FIGURE_KEYS = (
-    *("metric", "signal", "over", "at", "log", "contours", "variants", "labels", "x", "y"),
-    "style",
-)
 STYLES = ("paper", "paper2", "screen")
 LOGS = ("x", "y", "xy")
 EXAMPLE = "as in {metric: error, over: params.speed} or {signal: plant.pose.x}"
@@ -75,6 +71,9 @@ class FigureSpec:
             for key, value in entry.items()
         }
         return {key: value for key, value in plain.items() if value}
+
+
+FIGURE_KEYS = tuple(each.name for each in fields(FigureSpec) if each.name != "name")
 
 
 def read_figure(

@@ -95,7 +95,7 @@ class Request:
                 nodes[key] = from_python(value, Where(origin))
         return cls(Node(nodes), name, variants, conditions, held_out_conditions, option)
 
-    def added_to(self, experiment: Experiment) -> Experiment:
+    def apply_to(self, experiment: Experiment) -> Experiment:
         """The experiment with this request, checked as far as it concerns every verb.
 
         Raises

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
         ablation_plan,
         bundle_for,
         bundles_of,
-        checked_plan,
         engine_for,
         metrics_of,
         sweep_plan,

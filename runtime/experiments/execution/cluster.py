@@ -99,10 +99,10 @@ class ClusterExecutor(Executor):
         expected = None if self.mixed else self.program
         inner = executor.submit(self._call, pickle.dumps((tasks, expected)))
         outer: Future[Any] = Future()
-        inner.add_done_callback(lambda done: self._answered(done, outer, len(tasks)))
+        inner.add_done_callback(lambda done: self._pass_on(done, outer, len(tasks)))
         return outer
 
-    def _answered(self, inner: Future[Any], outer: Future[Any], number: int) -> None:
+    def _pass_on(self, inner: Future[Any], outer: Future[Any], number: int) -> None:
         """Give what a worker has answered to the future that the caller has."""
         try:
             answer = inner.result()

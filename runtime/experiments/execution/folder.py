@@ -170,7 +170,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     UsageError : there is no plan, it cannot be read, or an entry was changed after it was written.
     """
     path = folder / PLAN
-    stored = _stored_plan(folder)
+    stored = _load_plan(folder)
     # Plans of schema 1 have other words for two entries, and the first ones no ends and never.
     older = {"total": stored.get("points"), "provenance": stored.get("made")}
     try:
@@ -186,7 +186,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     return plan
 
 
-def _stored_plan(folder: Path) -> dict[str, Any]:
+def _load_plan(folder: Path) -> dict[str, Any]:
     """The content of plan.yaml, which need not be what was written."""
     path = folder / PLAN
     try:
@@ -206,7 +206,7 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
     UsageError : it does not; the message lists the differences.
     """
     _refuse_links(folder)
-    stored = _stored_plan(folder)
+    stored = _load_plan(folder)
     try:
         text = read_text(folder / GRAPH)
     except (OSError, UnicodeDecodeError) as error:
@@ -214,7 +214,7 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
     if stored.get("digest") == plan.digest:
         return
     here = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
-    keys = dict.fromkeys([*here, *("vary", "random", "sobol", "sampling_seed", "variants")])
+    keys = dict.fromkeys([*here, "vary", "random", "sobol", "sampling_seed", "variants"])
     differing = [
         f"{key}: {_short(stored.get(key))} there, {_short(here.get(key))} here"
         for key in keys

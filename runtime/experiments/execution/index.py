@@ -158,12 +158,12 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
     try:
         # A byte that is no UTF-8 is found by the check of its row, which gives the line.
         reader = csv.reader(lines(path, INDEX, errors="surrogateescape"))
-        yield from _checked_rows(path, columns, reader)
+        yield from _check_rows(path, columns, reader)
     except OSError as error:
         raise UsageError(f"cannot read '{path}': {error}") from None
 
 
-def _checked_rows(path: Path, columns: Columns, reader: _CsvReader) -> Iterator[Row]:
+def _check_rows(path: Path, columns: Columns, reader: _CsvReader) -> Iterator[Row]:
     number, seen = 1, _Seen()
     try:
         header = next(reader, [])

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from runtime.engine import silent, take_compiled
 from runtime.errors import UsageError
@@ -55,7 +55,6 @@ Kind = Literal["sweep", "ablation", "tuning"]
 Note = Callable[[str], None]
 # Six pairs are the fewest with which a sign test can be significant.
 ABLATION_SEEDS = Seeds(((0, 9),))
-PlanT = TypeVar("PlanT", bound="ExperimentPlan")
 # Kinds of metrics whose values are not negative, and of which neither less nor more is better.
 AMOUNTS = frozenset({"path_length", "share_above", "firing_rate", "stop_time"})
 
@@ -98,6 +97,14 @@ class ExperimentPlan:
     quantiles: tuple[float, ...] = ()
     with_worst: bool = False
     figures: tuple[FigureSpec, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raise ``UsageError`` if a metric has the name of a column of the index."""
+        header = self.columns.header
+        for name in self.metrics:
+            if header.count(name) > 1:
+                reason = f"taken by a column of {INDEX}: {', '.join(RESERVED)}"
+                raise UsageError(f"metric '{name}': the name is {reason}; rename the metric")
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -317,10 +324,17 @@ def _plan(
     engine = engine_for(graph, runs, note)
     bundles = bundles_of(everything, engine)
     bundle = bundles[0].bundle if bundles else bundle_for(graph, engine)
-    metrics = _wanted(metrics_of(graph), experiment)
+    metrics = _choose_metrics(metrics_of(graph), experiment)
     default = Objective(metrics[0]) if metrics and kind == "sweep" else None
-    plan = ExperimentPlan(
-        *(kind, experiment.name, graph, bundle, seeds, metrics, design, bundles),
+    return ExperimentPlan(
+        kind=kind,
+        name=experiment.name,
+        graph=graph,
+        bundle=bundle,
+        seeds=seeds,
+        metrics=metrics,
+        design=design,
+        variants=bundles,
         objective=experiment.objective or default,
         primary=entries.primary,
         contrasts=entries.contrasts,
@@ -329,10 +343,9 @@ def _plan(
         with_worst=bool(entries.worst),
         figures=entries.figures,
     )
-    return checked_plan(plan)
 
 
-def _wanted(known: tuple[str, ...], experiment: Experiment) -> tuple[str, ...]:
+def _choose_metrics(known: tuple[str, ...], experiment: Experiment) -> tuple[str, ...]:
     """The metrics of an experiment: those that it lists and those that its entries name, or all."""
     entries = experiment.entries
     if not entries.metrics:
@@ -368,18 +381,3 @@ def bundle_for(graph: Graph, engine: str) -> GraphBundle:
 def metrics_of(graph: Graph) -> tuple[str, ...]:
     """The names of a graph's metrics."""
     return tuple(metric.name for metric in graph.observation.metrics)
-
-
-def checked_plan(plan: PlanT) -> PlanT:
-    """The plan, if no metric has the name of a column of the index.
-
-    Raises
-    ------
-    UsageError : one has.
-    """
-    header = plan.columns.header
-    for name in plan.metrics:
-        if header.count(name) > 1:
-            reason = f"taken by a column of {INDEX}: {', '.join(RESERVED)}"
-            raise UsageError(f"metric '{name}': the name is {reason}; rename the metric")
-    return plan

@@ -47,9 +47,9 @@ class Retention:
 
     def task(self, trial: Trial) -> Task:
         """How to run a trial."""
-        return self.options.task(trial, signals=self.signals, **self.kept(trial))
+        return self.options.task(trial, signals=self.signals, **self.recording(trial))
 
-    def kept(self, trial: Trial) -> dict[str, Any]:
+    def recording(self, trial: Trial) -> dict[str, Any]:
         """What a trial records, and when it sends that back, as arguments of :class:`Task`."""
         return {}
 
@@ -88,7 +88,7 @@ class VariantRetention(Retention):
         self._first, self._settings = next(iter(plan.seeds)), len(plan.design)
         self._slugs = {variant.name: variant.slug for variant in plan.variants}
 
-    def kept(self, trial: Trial) -> dict[str, Any]:
+    def recording(self, trial: Trial) -> dict[str, Any]:
         # The settings of a variant would all have the same folder: the first one is kept.
         is_first = trial.configuration.number % self._settings == 0
         if trial.seed == self._first and is_first:
@@ -121,7 +121,7 @@ class TrialRetention(Retention):
         older = options.folder / OLD_TRIALS
         self.runs = older if older.is_dir() else options.folder / TRIALS
 
-    def kept(self, trial: Trial) -> dict[str, Any]:
+    def recording(self, trial: Trial) -> dict[str, Any]:
         if self.policy == "none":
             return {}
         keep = {"all": KEPT, "failed": NOT_OK}.get(self.policy, ("ok",))

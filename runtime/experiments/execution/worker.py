@@ -121,7 +121,7 @@ class Deadline:
 
 
 @contextmanager
-def _watched(deadline: Deadline) -> Iterator[None]:
+def _watch(deadline: Deadline) -> Iterator[None]:
     """End a run at its time limit even inside a block, in a thread, as of a worker of a cluster.
 
     A process of our own is killed from outside, and a worker of a cluster is not ours to kill. What
@@ -153,10 +153,10 @@ def run_task(task: Task) -> TrialResult:
     """Run a trial; any error is part of the result."""
     deadline = Deadline(task.timeout)
     try:
-        with _watched(deadline):
-            ended = _ended(task, deadline)
+        with _watch(deadline):
+            ended = _run_graph(task, deadline)
     except KeyboardInterrupt:  # at the very end of the run
-        ended = _Ended("failed", "interrupted", None, None)
+        ended = _End("failed", "interrupted", None, None)
     status, reason, result, runs, missing = ended
     if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
@@ -182,7 +182,7 @@ def run_task(task: Task) -> TrialResult:
     return done
 
 
-class _Ended(NamedTuple):
+class _End(NamedTuple):
     """How a trial ended and why, as far as it came, and what a block could not import."""
 
     status: Status
@@ -192,11 +192,11 @@ class _Ended(NamedTuple):
     missing: str = ""
 
 
-def _ended(task: Task, deadline: Deadline) -> _Ended:
+def _run_graph(task: Task, deadline: Deadline) -> _End:
     """Run the graph of a task."""
     runs = None
     try:
-        runs = _taken(task)
+        runs = _take_runs(task)
         values, seed = _values_of(task.trial.configuration.edits), task.trial.seed
         if task.checkpoints is None:
             result = runs.run(values, seed, deadline, whole=bool(task.keep))
@@ -205,19 +205,19 @@ def _ended(task: Task, deadline: Deadline) -> _Ended:
             own = folder / task.trial.digest[:32], every
             result = runs.run_with_checkpoints(values, seed, own, deadline, bool(task.keep))
     except GraphError as error:
-        return _Ended("invalid", str(error), None, runs)
+        return _End("invalid", str(error), None, runs)
     except SimulationError as error:
         partial = error.result if isinstance(error.result, Result) else None
-        return _Ended("failed", str(error), partial, runs, _failed_import(error.__cause__))
+        return _End("failed", str(error), partial, runs, _failed_import(error.__cause__))
     except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
         reason = f"{type(error).__name__}: {text_of(error)}"
-        return _Ended("failed", reason, None, runs, _failed_import(error))
+        return _End("failed", reason, None, runs, _failed_import(error))
     if result.status not in ("complete", "stopped"):
         # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
         reason = f"a block raised KeyboardInterrupt at tick {result.ticks}"
-        return _Ended("failed", reason, result, runs)
+        return _End("failed", reason, result, runs)
     # What a single run has as a note: its numbers are not those of the compiled engine.
-    return _Ended("ok", "; ".join(result.manifest["engine_notes"]), result, runs)
+    return _End("ok", "; ".join(result.manifest["engine_notes"]), result, runs)
 
 
 def run_tasks(tasks: Sequence[Task]) -> list[TrialResult]:
@@ -336,7 +336,7 @@ def _plots(task: Task) -> tuple[str, ...] | None:
     return {"metrics": (), "trajectory": TRAJECTORY_PLOTS, "all": None}[task.record]
 
 
-def _taken(task: Task) -> RepeatedRuns:
+def _take_runs(task: Task) -> RepeatedRuns:
     """The runs of a task's graph, which no other thread has until they are put back."""
     bundle, plots = task.trial.configuration.bundle, _plots(task)
     with suppress(IndexError):

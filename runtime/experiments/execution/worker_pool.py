@@ -72,5 +72,9 @@ def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
 
     # As many calls again wait, so that no worker waits for this process to record a result.
     return WorkerPool(
-        *(executor, lambda: 2 * jobs, leave, (WorkerDied,)), workers=lambda: executor.jobs
+        executor,
+        width=lambda: 2 * jobs,
+        leave=leave,
+        deaths=(WorkerDied,),
+        workers=lambda: executor.jobs,
     )

@@ -86,7 +86,7 @@ class ContestResult(Outcome):
 
     def _contestant(self, name: str, metric: str) -> Contestant:
         own = self.tunings[name]
-        found = [held_out_values(each.plan, metric, entered(each)) for each in own]
+        found = [held_out_values(each.plan, metric, winner_of(each)) for each in own]
         is_same = all(same for *_, same in found)
         values, failed = (np.array([each[i] for each in found]) for i in (0, 1))
         if is_same and values.shape[1] > 1:  # a seed that changes nothing has been run once
@@ -96,7 +96,9 @@ class ContestResult(Outcome):
     def _failures(self) -> Iterator[str]:
         """How many held-out runs of each contestant count as the worst value."""
         for name, own in self.tunings.items():
-            failed = sum(row.status != "ok" for each in own for row in entered(each).rows.values())
+            failed = sum(
+                row.status != "ok" for each in own for row in winner_of(each).rows.values()
+            )
             if failed:
                 runs = len(own) * len(self.plan.tuning.held_out)
                 yield f"{name}: {failed} of {runs} held-out runs failed: {WORST}"
@@ -158,10 +160,10 @@ class ContestResult(Outcome):
         return f"{next(iter(self.tunings))}, or to the one named, on the same {self._unit}"
 
     def _row(self, tuning: TuningTable) -> list[str]:
-        one, plan = entered(tuning), tuning.plan
+        one, plan = winner_of(tuning), tuning.plan
         values = [] if one.values is None else zip(plan.paths, plan.cells(one.values), strict=True)
         shown = ", ".join(f"{path}={value}" for path, value in values) or "its own"
-        shown += "".join(f"; not {constraint}" for constraint in violated(tuning))
+        shown += "".join(f"; not {constraint}" for constraint in violations_of(tuning))
         metrics = [] if one.score is None else [one.score.metrics[m] for m in plan.tuning.metrics]
         tried = len(tuning.configurations) - 1
         return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
@@ -212,18 +214,18 @@ def agreement(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name}: {metric} of {many} tunings from {ends}{ratio}{bad}"
 
 
-def entered(tuning: TuningTable) -> Candidate:
+def winner_of(tuning: TuningTable) -> Candidate:
     """The held-out runs of a tuning's winner, or of its own values if it has none."""
     winner = tuning.winners[0].number if tuning.winners else BASELINE
     return tuning.held_out[winner]
 
 
-def violated(tuning: TuningTable) -> list[str]:
+def violations_of(tuning: TuningTable) -> list[str]:
     """The constraints that the held-out runs violate; in training, a winner meets them all.
 
     Not those of a metric without a value: its runs failed, which is told as such.
     """
-    score = entered(tuning).score
+    score = winner_of(tuning).score
     if score is None:
         return []
     pairs = zip(tuning.plan.tuning.constraints, score.violations, strict=True)
@@ -247,8 +249,8 @@ def contest_plans(experiment: Experiment, note: Note) -> dict[str, list[TuningPl
             entries = replace(
                 entries.overlay(experiment.entries),
                 factors=entries.factors,
-                training=_over(entries.training, experiment.entries.training),
-                held_out=_over(entries.held_out, experiment.entries.held_out),
+                training=_overlay(entries.training, experiment.entries.training),
+                held_out=_overlay(entries.held_out, experiment.entries.held_out),
             )
         first = entries.sampling_seed or 0
         plans[each.name] = [
@@ -258,7 +260,7 @@ def contest_plans(experiment: Experiment, note: Note) -> dict[str, list[TuningPl
     return plans
 
 
-def _over(own: Any, common: Any) -> Any:
+def _overlay(own: Any, common: Any) -> Any:
     """The conditions of a contestant's own graph, with the seeds that a command may have set."""
     return (common[0] or own[0], own[1])
 
@@ -297,7 +299,7 @@ def _runs(runs: RunSet) -> str:
 
 
 def _tuning_data(tuning: TuningTable) -> dict[str, Any]:
-    one = entered(tuning)
+    one = winner_of(tuning)
     paths = tuning.plan.paths
     status = Counter(each.status for each in tuning.configurations[1:])
     rows = [row for each in (*tuning.configurations, one) for row in each.rows.values()]
@@ -312,5 +314,5 @@ def _tuning_data(tuning: TuningTable) -> dict[str, Any]:
         "reasons": [{"reason": r, "count": n} for r, n in reasons.most_common(5)],
         "values": None if one.values is None else dict(zip(paths, one.values, strict=True)),
         "metrics": {} if one.score is None else dict(one.score.metrics),
-        "violated": violated(tuning),
+        "violated": violations_of(tuning),
     }

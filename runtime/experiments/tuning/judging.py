@@ -172,7 +172,7 @@ def _verdict(
     if not own.is_feasible:
         violations = zip(tuning.constraints, own.violations, strict=True)
         asked = [c.metric for c, violation in violations if violation > 0.0]
-    found = [_shown(judged[metric], metric in plan.larger_is_better) for metric in asked]
+    found = [_direction(judged[metric], metric in plan.larger_is_better) for metric in asked]
     if score.improves_on(own):
         return "better" if 1 in found else "not distinguishable"
     return (
@@ -188,7 +188,7 @@ def _is_tested(judged: Evaluation) -> bool:
     )
 
 
-def _shown(judged: Evaluation, larger_is_better: bool) -> int:
+def _direction(judged: Evaluation, larger_is_better: bool) -> int:
     """1 if it is shown that a metric is better, -1 that it is worse, 0 for neither."""
     difference = judged.difference
     if difference is None or math.isnan(difference.mean) or difference.is_equal:
@@ -207,7 +207,8 @@ def _evaluate(
     paired = None
     if one.number != BASELINE:
         paired = difference(
-            *(sample.values, own.values),
+            sample.values,
+            own.values,
             is_same=sample.is_same and own.is_same,
             is_skewed=True if metric in plan.never else None,
         )

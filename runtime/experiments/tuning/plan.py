@@ -36,7 +36,6 @@ from runtime.experiments.execution import (
     VariantBundle,
     bundle_for,
     bundles_of,
-    checked_plan,
     engine_for,
     metrics_of,
 )
@@ -197,9 +196,14 @@ def contestant_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:
         for kind, runs in (("training", tuning.training), ("held_out", tuning.held_out))
         for condition in runs.conditions
     ]
-    plan = TuningPlan(
-        *("tuning", experiment.name, graph, bundle_for(graph, engine), Seeds(())),
-        *(metrics_of(graph), Design(factors, seed=tuning.seed), bundles_of(conditions, engine)),
+    return TuningPlan(
+        kind="tuning",
+        name=experiment.name,
+        graph=graph,
+        bundle=bundle_for(graph, engine),
+        seeds=Seeds(()),
+        metrics=metrics_of(graph),
+        design=Design(factors, seed=tuning.seed),
+        variants=bundles_of(conditions, engine),
         tuning=tuning,
     )
-    return checked_plan(plan)

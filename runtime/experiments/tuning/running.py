@@ -151,12 +151,13 @@ class _Training:
             past_seeds = self.seeds[: stage + 1]
             if stage + 1 < len(self.seeds):
                 running = [
-                    candidate for candidate in running if not self._stopped(candidate, past_seeds)
+                    candidate for candidate in running if not self._stops(candidate, past_seeds)
                 ]
             if not running:
                 break
         for candidate in batch:
-            seeds = self.seeds if candidate.status == "complete" else _seen(candidate, self.seeds)
+            had = {seed for _, seed in candidate.rows}  # all, unless it was stopped
+            seeds = [seed for seed in self.seeds if seed in had]
             candidate.score = self.scorer.score(candidate.rows, self.plan.tuning.training, seeds)
             if not candidate.score.has_values:
                 candidate.status = "no value"
@@ -165,7 +166,7 @@ class _Training:
     def _of(self, one: Candidate, trials: Iterable[Trial]) -> Iterator[Trial]:
         return (trial for trial in trials if trial.configuration.number == one.number)
 
-    def _stopped(self, one: Candidate, seeds: Sequence[int]) -> bool:
+    def _stops(self, one: Candidate, seeds: Sequence[int]) -> bool:
         if self.scorer.should_stop(one, self.result.configurations, seeds):
             one.status = "stopped"
         return one.status == "stopped"
@@ -187,12 +188,6 @@ class _Training:
         total = (1 + self.plan.tuning.trials) * len(self.plan.tuning.training)
         done = max(one.number for one in running) * len(self.plan.tuning.training)
         self.study.progress(min(done, total), total, note)
-
-
-def _seen(one: Candidate, seeds: Sequence[int]) -> list[int]:
-    """The seeds that a configuration has run with."""
-    had = {seed for _, seed in one.rows}
-    return [seed for seed in seeds if seed in had]
 
 
 def _judge(plan: TuningPlan, study: Study, index: Index, result: TuningTable) -> None:

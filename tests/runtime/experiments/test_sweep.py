@@ -79,10 +79,10 @@ def test_all_trials_have_one_engine() -> None:
     # Compilation does not pay off for two short trials; it does for as many as would take minutes.
     experiment = read_experiment("line_actuator_failure", lambda g: g.set("run.until", 2.0))
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
-        plan = sweep_plan(Request.of({"seeds": seeds}).added_to(experiment))
+        plan = sweep_plan(Request.of({"seeds": seeds}).apply_to(experiment))
         assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == engine
     asked = read_experiment("line_actuator_failure", lambda g: g.set("run.engine", "python"))
-    plan = sweep_plan(Request.of({"seeds": "0..9999999"}).added_to(asked))
+    plan = sweep_plan(Request.of({"seeds": "0..9999999"}).apply_to(asked))
     assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == "python"
 
 
