@@ -22,6 +22,8 @@ EXCEPTIONS = {
     "runtime.plots.sharing": "a pipe",
     "runtime.language.module_worker": "standard streams",
     "spikeblocks.lsp.server": "standard streams",
+    "spikeblocks.robot.driving": "opens an adapter",
+    "spikeblocks.robot.transports": "opens a session of zenoh",
     "spikeblocks.robot.bags": "appends to a file that open_file of runtime.files has opened",
     "runtime.cli": "standard streams",
     "runtime.export.library": OWN,

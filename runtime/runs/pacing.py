@@ -64,7 +64,7 @@ class Pacing:
     period: float = field(init=False, default=0.0)
     ticks: int = field(init=False, default=1)
     late: npt.NDArray[np.int64] = field(init=False)
-    periods: int = field(init=False, default=0)
+    periods_done: int = field(init=False, default=0)
     overruns: int = field(init=False, default=0)
     skipped: int = field(init=False, default=0)
     behind: float = field(init=False, default=0.0)
@@ -85,21 +85,38 @@ class Pacing:
         first, network = engine.state.tick, engine.network
         tick = 1e9 * network.dt * UNITS[network.time_unit] / self.speed
         self.ticks = max(1, round(PERIOD_NS / tick))
-        self.period = self.ticks * tick
+        count = -(-(last - first) // self.ticks)
+        each = max(1, round(PROGRESS_NS / (self.ticks * tick)))
+        begin = self.now() + tick
+        for number in self.periods(self.ticks * tick, count, begin, lambda: engine.is_stopped):
+            shown = progress if number % each == 0 else None
+            engine.advance(min(first + (number + 1) * self.ticks, last), shown)
+
+    def periods(
+        self,
+        period: float,
+        count: int,
+        begin: float | None = None,
+        is_over: Callable[[], bool] = lambda: False,
+    ) -> Iterator[int]:
+        """Numbers from 0 on, each when its period is due: number * period (ns) after ``begin``.
+
+        The caller's work between two of them is that of a period. ``begin`` is now by default;
+        ``is_over`` ends the loop before the next period.
+        """
+        self.period = period
         # Allocated before the loop: growing it would make ticks late.
-        self.late = np.zeros(-(-(last - first) // self.ticks), dtype=np.int64)
-        each = max(1, round(PROGRESS_NS / self.period))
+        self.late = np.zeros(count, dtype=np.int64)
         with _scheduled(self.priority, self.notes) as self.policy:
-            begin = self.now() + tick
-            for number, k in enumerate(range(first, last, self.ticks)):
-                if engine.is_stopped:
+            begin = self.now() if begin is None else begin
+            for number in range(count):
+                if is_over():
                     break
                 # From one beginning, since a sum of periods would drift.
                 due = round(begin + (number + self.skipped) * self.period)
                 self.late[number] = self._wait(due) - due
-                self.periods = number + 1
-                shown = progress if number % each == 0 else None
-                engine.advance(min(k + self.ticks, last), shown)
+                self.periods_done = number + 1
+                yield number
                 self._check(due + self.period)
 
     def _wait(self, due: int) -> int:
@@ -128,16 +145,16 @@ class Pacing:
         began (inverse of the empirical distribution function); None if there was no period.
         ``behind_s`` is how far the end of the run was behind the clock.
         """
-        late = self.late[: self.periods] * 1e-9
+        late = self.late[: self.periods_done] * 1e-9
         shares = list(SHARES.values())
-        found = np.quantile(late, shares, method="inverted_cdf") if self.periods else shares
-        values = [float(value) if self.periods else None for value in found]
+        found = np.quantile(late, shares, method="inverted_cdf") if self.periods_done else shares
+        values = [float(value) if self.periods_done else None for value in found]
         return {
             "speed": self.speed,
             "priority": self.policy,
             "period_s": 1e-9 * self.period,
             "ticks_per_period": self.ticks,
-            "periods": self.periods,
+            "periods": self.periods_done,
             "late_s": dict(zip(SHARES, values, strict=True)),
             "overrun": self.overrun,
             "overruns": self.overruns,

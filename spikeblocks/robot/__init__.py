@@ -4,9 +4,10 @@
     ports       which topic is which port: robot.yaml       safety    when a command may be sent
     transports  UDP, serial line, zenoh; your own adapter   driving   a session between topics
 
-It offers the block ``FromBag`` and the verbs ``bag``, ``play``, ``drive`` and ``serve-plant``
-(extras ``ros``, ``robot``). To delete it, remove this folder, tests/bridges/robot, docs/robot.md,
-examples/robot and its lines in pyproject.toml; nothing else names it.
+It offers the block ``FromBag``, the verbs ``bag``, ``play``, ``drive`` and ``serve-plant``
+(extras ``ros``, ``robot``), and the registry ``adapters``. To delete it, remove this folder,
+tests/bridges/robot, docs/robot.md, examples/robot and its lines in pyproject.toml; nothing else
+names it.
 """
 
 from __future__ import annotations

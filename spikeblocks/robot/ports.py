@@ -240,6 +240,8 @@ class _Reader:
         try:
             if not all(is_number(item) and not math.isnan(item) for item in items):
                 raise ValueError
+            if np.shape(values) not in ((), signal.shape):
+                raise ValueError
             return np.broadcast_to(np.array(values, dtype=np.float64), signal.shape)
         except ValueError:
             expected = f"expected a number, or {signal.numbers} for a {signal}"

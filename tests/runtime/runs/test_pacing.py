@@ -131,9 +131,9 @@ def test_ticks_of_less_than_a_millisecond_run_together(
     clock, number = Clock(), 203
     found = paced(clock, [0] * number, dt, speed=speed, time_unit=unit)
     assert found.ticks == ticks
-    assert found.periods == -(-number // ticks)
+    assert found.periods_done == -(-number // ticks)
     assert not found.late.any()
-    last = 1 + ticks * (found.periods - 1)  # the first tick of the last period
+    last = 1 + ticks * (found.periods_done - 1)  # the first tick of the last period
     assert clock.time == pytest.approx(1e9 * UNITS[unit] * last * dt / speed, abs=2)
 
 
@@ -167,14 +167,14 @@ def test_a_stop_and_an_interrupt_end_it() -> None:
         graph = runtime.load(SERVO).set("run.engine", engine)
         pacing = Pacing(now=clock.now, sleep=interrupt)
         found = simulate(graph.prepared(), pacing=pacing)
-        assert (found.status, found.ticks, pacing.periods) == ("interrupted", 31, 30)
+        assert (found.status, found.ticks, pacing.periods_done) == ("interrupted", 31, 30)
         assert len(found["x"]) == 31
         graph = graph.set("run.stop", {"when": "x.out", "above": 1.01})
         clock = Clock()
         pacing = Pacing(now=clock.now, sleep=clock.sleep)
         stopped = simulate(graph.prepared(), pacing=pacing)
         assert stopped.status == "stopped"
-        assert stopped.ticks - 1 == pacing.periods < 100
+        assert stopped.ticks - 1 == pacing.periods_done < 100
         assert same(stopped, graph.run()) == []
 
 
