@@ -97,7 +97,7 @@ def _by_tolerance(comparison: Comparison, other: RunComparison, rtol: float, ato
     lines = [f"probes: {label} against {first}: {verdict}"]
     if rows:
         lines.append(Table.of(head, rows, numbers=(1, 3, 4)).text())
-    return "\n".join([*lines, *_recorded(comparison, other)])
+    return "\n".join([*lines, *_list_unequal(comparison, other)])
 
 
 def _column_rows(pair: Pair, columns: Sequence[Column]) -> Iterator[list[str]]:
@@ -118,15 +118,19 @@ def _column_rows(pair: Pair, columns: Sequence[Column]) -> Iterator[list[str]]:
         if column.beyond:
             since += f", {column.beyond} of {len(pair.t)} rows"
         yield [
-            *(label, number(column.largest), column.unit),
-            *(f"{column.at:.6g}", number(column.rms), since),
+            label,
+            number(column.largest),
+            column.unit,
+            f"{column.at:.6g}",
+            number(column.rms),
+            since,
         ]
 
 
 def _by_bits(comparison: Comparison, other: RunComparison) -> str:
     first, label = comparison.labels[0], other.run.label
     differences = other.first_differences
-    recorded = _recorded(comparison, other)
+    recorded = _list_unequal(comparison, other)
     if not differences:
         equal = f"probes: {label} against {first}: "
         equal += "every bit is equal" if not recorded else "all bits that both recorded are equal"
@@ -149,7 +153,7 @@ def _by_bits(comparison: Comparison, other: RunComparison) -> str:
     return "\n".join([*lines, *recorded])
 
 
-def _recorded(comparison: Comparison, other: RunComparison) -> list[str]:
+def _list_unequal(comparison: Comparison, other: RunComparison) -> list[str]:
     """Probes that only one run recorded, or at other times, a line each."""
     first, label = comparison.labels[0], other.run.label
     lines = [f"  {name}: not recorded by {who}" for name, who in other.missing.items()]

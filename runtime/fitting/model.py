@@ -95,7 +95,7 @@ class Model:
     def series(self) -> list[Series]:
         return [series for run in self.runs for series in run.series]
 
-    def simulated(self, values: Mapping[str, float]) -> list[FloatArray]:
+    def simulate(self, values: Mapping[str, float]) -> list[FloatArray]:
         """Each signal at the times at which it was measured, in the order of :attr:`series`.
 
         Between two ticks a signal is interpolated linearly.
@@ -115,7 +115,7 @@ class Model:
 
     def residuals(self, values: Mapping[str, float]) -> FloatArray:
         """Simulated minus measured values, each divided by its signal's scale."""
-        pairs = zip(self.simulated(values), self.series, strict=True)
+        pairs = zip(self.simulate(values), self.series, strict=True)
         return np.concatenate([(y - series.values) / series.scale for y, series in pairs])
 
 

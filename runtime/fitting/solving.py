@@ -152,7 +152,7 @@ class _Search:
         columns = []
         for i, each in enumerate(u):
             step = SEARCH_STEP if each < 0.5 else -SEARCH_STEP
-            columns.append((self.residuals(_moved(u, i, step)) - base) / step)
+            columns.append((self.residuals(_move(u, i, step)) - base) / step)
         return np.column_stack(columns)
 
     def slopes(self, u: FloatArray, step: float) -> FloatArray:
@@ -160,12 +160,12 @@ class _Search:
         columns = []
         for i, each in enumerate(u):
             up, down = min(step, 1.0 - each), min(step, each)
-            high, low = self.residuals(_moved(u, i, up)), self.residuals(_moved(u, i, -down))
+            high, low = self.residuals(_move(u, i, up)), self.residuals(_move(u, i, -down))
             columns.append((high - low) / (up + down))
         return np.column_stack(columns)
 
 
-def _moved(u: FloatArray, i: int, step: float) -> FloatArray:
+def _move(u: FloatArray, i: int, step: float) -> FloatArray:
     moved = u.copy()
     moved[i] += step
     return moved
@@ -222,7 +222,7 @@ class _Judged:
 
     def fit(self, costs: list[float]) -> Fit:
         values = _values(self.model.ranges, self.u)
-        notes = list(self._unidentified())
+        notes = list(self._note_unidentified())
         reached = sum(cost <= min(costs) * (1.0 + SAME) + 1e-20 for cost in costs)
         if len(costs) > 1 and reached == 1:
             notes.append("only one start reached this minimum; try --starts with more")
@@ -280,7 +280,7 @@ class _Judged:
         _, sizes, directions = np.linalg.svd(self.slopes, full_matrices=False)
         return sizes, directions
 
-    def _unidentified(self) -> Iterator[str]:
+    def _note_unidentified(self) -> Iterator[str]:
         names = [each.path for each in self.model.ranges]
         sizes, directions = self._directions()
         for size, direction in zip(sizes, directions, strict=True):

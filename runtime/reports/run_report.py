@@ -52,7 +52,13 @@ def run_report(path: Path) -> str:
     }
     has_charts = 'class="zoom"' in sections["Figures"]
     return page(
-        *("Run", result.title, _lead(result), _facts(result), sections, folder, of_run(result)),
+        "Run",
+        result.title,
+        _lead(result),
+        _facts(result),
+        sections,
+        folder,
+        of_run(result),
         style=zoom.chart_style() if has_charts else "",
         script=zoom.script() if has_charts else "",
     )
@@ -101,7 +107,7 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
     rows, expects = [], False
     for name, value in result.metrics.items():
         entry = entries.get(name, {})
-        expected = _expected(entry, value)
+        expected = _expectation(entry, value)
         expects = expects or bool(expected)
         unit = result.units.get(name, "") if value is not None else ""
         named = value is None and name in result.never
@@ -135,7 +141,7 @@ def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
+def _expectation(entry: Mapping[str, Any], value: float | None) -> Html:
     """A metric's bounds, and whether its value is within them."""
     bounds = [(key, entry[key]) for key in ("above", "below") if is_number(entry.get(key))]
     if not bounds:

@@ -43,7 +43,7 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
     written = io.StringIO()
     with matplotlib.rc_context(_SETTINGS):
         figure.savefig(written, format="svg", dpi=IMAGE_DPI, metadata={"Date": None})
-    root = _parsed(written.getvalue())
+    root = _parse(written.getvalue())
     for child in list(root):
         if child.tag == f"{{{SVG}}}metadata":
             root.remove(child)
@@ -57,10 +57,10 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
 
 def diagram_svg(drawing: str, name: str, label: str) -> Html:
     """A block diagram, as :mod:`runtime.diagrams` draws it, as an SVG element."""
-    return _inline(_parsed(drawing), name, label)
+    return _inline(_parse(drawing), name, label)
 
 
-def _parsed(drawing: str) -> ElementTree.Element:
+def _parse(drawing: str) -> ElementTree.Element:
     """A drawing as a tree; characters that are not printable become U+FFFD."""
     return ElementTree.fromstring(drawing if drawing.isprintable() else visible(drawing))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ from runtime.experiments.analysis import (
     Tally,
     TrialGroup,
     chosen_among,
-    gather,
     interval,
     mean_of,
     read_sweep,
@@ -79,12 +78,14 @@ def sweep_report(folder: Path) -> str:
     """
     swept = _read(folder)
     configurations = swept.total // max(1, swept.data.seeds)
-    best = {ranked.cells: i for i, ranked in enumerate(swept.tally.best)}
+    best = [ranked.group for ranked in swept.tally.best]
     is_few = 1 < configurations <= FEW
     sections = {
-        "Best configurations": _table(swept, best, "best configurations") if best else Html(""),
+        "Best configurations": _table(swept, best, configurations == 1, "best configurations"),
         "Figures": join(*_figures(swept)),
-        "All configurations": _table(swept, None, "all configurations") if is_few else Html(""),
+        "All configurations": _table(
+            swept, swept.data.groups if is_few else (), True, "all configurations"
+        ),
         "Failed trials": _failures(swept),
         "Diagram": pieces.diagram_file(
             folder / DIAGRAM, "diagram", f"block diagram of {swept.data.name}"
@@ -157,19 +158,16 @@ def _wall(folder: Path) -> str:
         return "unknown"
 
 
-def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str) -> Html:
+def _table(swept: _Sweep, chosen: Sequence[TrialGroup], is_whole: bool, label: str) -> Html:
     """A table of the best configurations or of all, with the mean of each metric.
 
-    Of all, with its interval: that of the best of many would not cover what it is worth.
+    Parameters
+    ----------
+    is_whole : with its interval: that of the best of many would not cover what it is worth.
     """
-    groups = gather(swept.rows(), swept.data.seeds)
-    if best is None:
-        chosen = sorted(groups, key=lambda group: group.number)
-    else:
-        best_groups = [group for group in groups if group.cells in best]
-        chosen = sorted(best_groups, key=lambda group: best[group.cells])[: len(best)]
+    if not chosen:
+        return Html("")
     head = [*swept.factors, "ok"]
-    is_whole = best is None or swept.total == swept.data.seeds
     for metric in swept.shown:
         head += [swept.data.label(metric)]
         head += [f"{metric}: 95 % interval"] * is_whole

@@ -249,11 +249,11 @@ def _markup_of(cell: object) -> str:
     if isinstance(cell.value, (int, float, list)):
         shown = element("span", cell.text.replace("-", "−"), title=repr(cell.value))
     if cell.tone:
-        shown = element("strong", shown) if cell.tone == "strong" else _toned(shown, cell.tone)
-    return join(shown, _toned(f" {cell.note}", "soft")) if cell.note else shown
+        shown = element("strong", shown) if cell.tone == "strong" else _tone(shown, cell.tone)
+    return join(shown, _tone(f" {cell.note}", "soft")) if cell.note else shown
 
 
-def _toned(shown: str, tone: str) -> Html:
+def _tone(shown: str, tone: str) -> Html:
     return element("span", shown, class_=tone)
 
 

@@ -7,7 +7,7 @@ from runtime.experiments.analysis.comparison import (
     Questions,
     Sample,
     compare,
-    corrected,
+    correct,
 )
 from runtime.experiments.analysis.comparison_table import (
     NARROW,
@@ -15,7 +15,7 @@ from runtime.experiments.analysis.comparison_table import (
     comparison_table,
     legend,
 )
-from runtime.experiments.analysis.crossed import Contestant, crossed_difference
+from runtime.experiments.analysis.crossed import Contestant
 from runtime.experiments.analysis.estimates import (
     ANY,
     CONFIDENCE,

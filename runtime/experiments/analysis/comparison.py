@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from runtime.experiments.analysis.crossed import Contestant, crossed_difference
 from runtime.experiments.analysis.estimates import (
     ANY,
     LEVEL,
@@ -207,6 +208,7 @@ class Sample:
     is_same : the seed changes nothing, so that all runs are one.
     is_removed : the variant does not record what the metric measures.
     statistic, is_single : as in :class:`ComparisonLine`.
+    crossed : of a contest, the values by tuning, condition and seed.
     """
 
     values: tuple[float | None, ...]
@@ -216,9 +218,12 @@ class Sample:
     is_unranked: bool = False
     statistic: str = MEAN
     is_single: bool = False
+    crossed: Contestant | None = None
 
     def estimate(self, ends: Ends = ANY) -> Estimate:
         """The mean with its interval, as every table and figure shows it."""
+        if self.crossed is not None:
+            return self.crossed.estimate(ends)
         return estimate(self.values, ends, self.is_same, failed=self.failed)
 
 
@@ -278,10 +283,10 @@ def compare(
             lines.append(_line(metric, place, variants, variant, reference, questions))
         for variant, reference in questions.contrasts:
             lines.append(_line(metric, place, variants, variant, reference, questions))
-    return corrected(lines, questions)
+    return correct(lines, questions)
 
 
-def corrected(lines: Sequence[ComparisonLine], questions: Questions) -> list[ComparisonLine]:
+def correct(lines: Sequence[ComparisonLine], questions: Questions) -> list[ComparisonLine]:
     """The lines with p values corrected over all that are tested, and with their verdicts."""
     tested = [line for line in lines if questions.is_primary(line.metric)]
     compared = [_p(line.difference) for line in tested]
@@ -316,7 +321,10 @@ def _line(
     sample, ends = variants[variant], questions.ends.get(metric, ANY)
     own = sample.estimate(ends)
     line = ComparisonLine(
-        *(variant, metric, len(sample.values), own),
+        variant=variant,
+        metric=metric,
+        runs=len(sample.values),
+        own=own,
         setting=place if sample.statistic == MEAN else "",
         reference=reference,
         failed=sample.failed,
@@ -327,21 +335,34 @@ def _line(
     if reference is None or sample.is_removed or variants[reference].is_removed:
         return line
     base = variants[reference]
-    # Of single numbers it is the plain difference, which no test and no margin belongs to.
-    compared = difference(
-        *(sample.values, base.values, "t" if sample.is_single else questions.test),
-        is_same=sample.is_same and base.is_same,
-        is_skewed=True if metric in questions.never else None,
-        margin=0.0 if sample.is_single else questions.margin(metric),
-    )
+    compared = _compare_samples(metric, sample, base, questions)
     # Where both lack the same values there is nothing to test.
     differs = [a is None for a in sample.values] != [b is None for b in base.values]
-    is_tested = differs and not sample.is_single
+    is_tested = differs and not sample.is_single and sample.crossed is None
     presence = mcnemar_test(sample.values, base.values) if is_tested else math.nan
     is_unranked = sample.is_unranked or base.is_unranked
     if is_unranked:
         # A difference of the runs that survived says nothing of those that did not.
         compared = PairedDifference(
-            *(0, math.nan, math.nan, math.nan), pairs=compared.pairs, scale=compared.scale
+            0, math.nan, math.nan, math.nan, pairs=compared.pairs, scale=compared.scale
         )
     return replace(line, difference=compared, p_presence=presence, is_unranked=is_unranked)
+
+
+def _compare_samples(
+    metric: str, sample: Sample, base: Sample, questions: Questions
+) -> PairedDifference:
+    """The paired difference of two samples, which a margin and a test belong to unless they are
+    single numbers."""
+    is_skewed = True if metric in questions.never else None
+    margin = Margin() if sample.is_single else questions.margin(metric)
+    if sample.crossed is not None and base.crossed is not None:
+        return crossed_difference(sample.crossed, base.crossed, is_skewed, margin)
+    return difference(
+        sample.values,
+        base.values,
+        "t" if sample.is_single else questions.test,
+        is_same=sample.is_same and base.is_same,
+        is_skewed=is_skewed,
+        margin=margin,
+    )

@@ -123,10 +123,10 @@ def crossed_difference(
         mean = apart if math.isfinite(apart) else math.nan
         is_equal = bool(np.array_equal(one.values[0], other.values[0])) and apart == 0.0
         return PairedDifference(1, mean, math.nan, math.nan, 0, True, pairs=1, is_equal=is_equal)
-    a, b = _known(one.values, other.values)
+    a, b = _select_known(one.values, other.values)
     pairs = a.shape[_axis(a)]
     failed = int(np.isinf(a).sum()), int(np.isinf(b).sum())
-    a, b = _capped(a, b)
+    a, b = _cap_failed(a, b)
     both = np.concatenate([a.ravel(), b.ravel()])
     is_unit = margin.size > 0.0 and not margin.is_share
     is_log = looks_skewed(both) if is_skewed is None else is_skewed
@@ -134,7 +134,7 @@ def crossed_difference(
     if is_log:
         a, b = np.log(a), np.log(b)
     tuned = one.is_tuned, other.is_tuned
-    result = _tested(a, b, tuned, margin, is_log)
+    result = _compare_finite(a, b, tuned, margin, is_log)
     is_once = any(x.is_tuned and len(x.values) < 2 for x in (one, other))
     return replace(
         result,
@@ -150,7 +150,7 @@ def _axis(values: FloatArray) -> int:
     return 1 if values.shape[1] > 1 else 2
 
 
-def _known(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _select_known(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Only conditions, or seeds, in which every run of both has a value, or failed."""
     axis = _axis(a)
     rest = tuple(i for i in range(3) if i != axis)
@@ -158,7 +158,7 @@ def _known(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.compress(known, a, axis=axis), np.compress(known, b, axis=axis)
 
 
-def _capped(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _cap_failed(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Finite values in place of those of runs that failed."""
     failed = np.concatenate([a[np.isinf(a)], b[np.isinf(b)]])
     if not len(failed):
@@ -173,7 +173,7 @@ def _capped(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.where(np.isinf(a), cap, a), np.where(np.isinf(b), cap, b)
 
 
-def _tested(
+def _compare_finite(
     a: FloatArray, b: FloatArray, tuned: tuple[bool, bool], margin: Margin, is_log: bool
 ) -> PairedDifference:
     """The difference of finite values, of logarithms as a ratio less 1."""
@@ -197,11 +197,14 @@ def _tested(
             p = t_p(centre / error, freedom)
         if margin.size:
             p, is_within = _beyond(a, b, tuned, margin, is_log)
-    shown = margin.shown(b.mean(axis=0).ravel(), is_log) if n else 0.0
+    shown = margin.in_unit(b.mean(axis=0).ravel(), is_log) if n else 0.0
     if is_log:
         centre, low, high = (math.expm1(x) for x in (centre, low, high))
     return PairedDifference(
-        *(n, centre, low, high),
+        n=n,
+        mean=centre,
+        low=low,
+        high=high,
         p=p,
         needed=needed,
         scale="log t" if is_log else "t",

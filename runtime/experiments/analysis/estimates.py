@@ -60,7 +60,7 @@ class Margin:
         up, down = self.size * second, second * self.size / (1.0 + self.size)
         return (-down, -up) if second.sum() < 0.0 else (up, down)
 
-    def shown(self, second: FloatArray, is_log: bool) -> float:
+    def in_unit(self, second: FloatArray, is_log: bool) -> float:
         """The margin as differences are given: in the unit of the values, or a ratio less 1."""
         known = second[np.isfinite(second)]
         if not self.is_share or is_log:

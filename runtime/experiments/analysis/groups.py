@@ -154,8 +154,13 @@ def gather(rows: Iterable[Row], seeds: int) -> Iterator[TrialGroup]:
 class RankedConfiguration:
     """A configuration with the mean of the objective over its seeds."""
 
-    cells: tuple[str, ...]
+    group: TrialGroup
     objective: Estimate
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The values of the factors."""
+        return self.group.cells
 
 
 @dataclass
@@ -218,7 +223,7 @@ class Tally:
         # The first entry of a heap is the smallest: here the worst of the best. Of equal ones the
         # first of the plan is the better one, not the one that ended first.
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
-        push(self._heap, (rank, -group.number, RankedConfiguration(group.cells, estimate)))
+        push(self._heap, (rank, -group.number, RankedConfiguration(group, estimate)))
 
     @property
     def best(self) -> list[RankedConfiguration]:

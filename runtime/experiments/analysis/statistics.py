@@ -124,18 +124,23 @@ def difference(
     if scale == "t" and len(apart) < needed:
         low = high = math.nan
     else:
-        p, is_negligible = _tested(apart, second, scale, margin, centre)
+        p, is_negligible = _test_beyond(apart, second, scale, margin, centre)
     if scale == "log ranks":
         low, high = math.expm1(low), math.expm1(high)
         centre = math.expm1(centre) if math.isfinite(centre) else centre
     finite = int(np.isfinite(apart).sum())
     return PairedDifference(
-        *(finite, centre, low, high, len(apart) - finite, is_same),
+        n=finite,
+        mean=centre,
+        low=low,
+        high=high,
+        never=len(apart) - finite,
+        is_same=is_same,
         p=p,
         pairs=len(apart),
         needed=needed,
         scale=scale,
-        margin=margin.shown(second, scale == "log ranks"),
+        margin=margin.in_unit(second, scale == "log ranks"),
         is_equal=len(apart) > 0 and not apart.any(),
         is_negligible=is_negligible and len(apart) >= needed,
         against=against,
@@ -200,7 +205,7 @@ def _middle(data: FloatArray, scale: Scale) -> tuple[float, float, float]:
     return (centre, math.nan, math.nan) if low == high else (centre, low, high)
 
 
-def _tested(
+def _test_beyond(
     apart: FloatArray, second: FloatArray, scale: Scale, margin: Margin, centre: float
 ) -> tuple[float, bool]:
     """p of a difference beyond the margin, NaN with nothing to test; and whether it is within."""

@@ -153,11 +153,11 @@ def _over_factor(figure: FigureSpec, data: SweepData) -> Figure:
     for part in parts:
         _name_values(axes, part.axes[0], "x", figure)
     swept = np.concatenate([part.axes[0].positions for part in parts])
-    words = figure.label(figure.over[0]), _measured(figure, data)
+    words = figure.label(figure.over[0]), _metric_label(figure, data)
     return _finish(figure, page, axes, *words, swept)
 
 
-def _measured(figure: FigureSpec, data: SweepData) -> str:
+def _metric_label(figure: FigureSpec, data: SweepData) -> str:
     """What the metric is called, with its unit unless the label has one."""
     label = figure.label(figure.metric)
     return label if "[" in label else with_unit(label, {label: data.units.get(figure.metric, "")})
@@ -198,7 +198,7 @@ def _map(figure: FigureSpec, data: SweepData) -> Figure:
     for axes in grid[1:]:
         axes.set_ylabel("")
     if image is not None:
-        page.colorbar(image, ax=grid, label=_measured(figure, data))
+        page.colorbar(image, ax=grid, label=_metric_label(figure, data))
     return page
 
 

@@ -25,15 +25,14 @@ from typing import Any
 import numpy as np
 
 from runtime.experiments.analysis import (
-    ANY,
     CORRECTION,
     NARROW,
     ComparisonLine,
     Contestant,
     Questions,
+    Sample,
+    compare,
     comparison_table,
-    corrected,
-    crossed_difference,
     legend,
     lost,
 )
@@ -75,14 +74,17 @@ class ContestResult(Outcome):
     def lines(self) -> list[ComparisonLine]:
         """The table: each contestant beside the first, then all other pairs."""
         names, plan = list(self.tunings), self.plan
-        asked = Questions("auto", (), (), self.margins, plan.ends, plan.never)
-        pairs = [(name, names[0] if i else None) for i, name in enumerate(names)]
-        pairs += [(b, a) for i, a in enumerate(names[1:], 1) for b in names[i + 1 :]]
-        lines = []
-        for metric in plan.tuning.metrics:
-            entries = {name: self._contestant(name, metric) for name in names}
-            lines += [_line(metric, name, entries, other, asked) for name, other in pairs]
-        return corrected(lines, asked)
+        others = [(b, a) for i, a in enumerate(names[1:], 1) for b in names[i + 1 :]]
+        questions = Questions("auto", (), others, self.margins, plan.ends, plan.never)
+        samples = {
+            (metric, ""): {name: self._sample(name, metric) for name in names}
+            for metric in plan.tuning.metrics
+        }
+        return compare(samples, names[0], questions)
+
+    def _sample(self, name: str, metric: str) -> Sample:
+        one = self._contestant(name, metric)
+        return Sample(one.units, one.estimate().failed, one.is_same, crossed=one)
 
     def _contestant(self, name: str, metric: str) -> Contestant:
         own = self.tunings[name]
@@ -167,24 +169,6 @@ class ContestResult(Outcome):
         metrics = [] if one.score is None else [one.score.metrics[m] for m in plan.tuning.metrics]
         tried = len(tuning.configurations) - 1
         return [str(plan.tuning.seed), str(tried), str(tuning.runs), *map(number, metrics), shown]
-
-
-def _line(
-    metric: str,
-    name: str,
-    entries: Mapping[str, Contestant],
-    other: str | None,
-    asked: Questions,
-) -> ComparisonLine:
-    """One contestant, beside another one."""
-    one = entries[name]
-    own = one.estimate(asked.ends.get(metric, ANY))
-    line = ComparisonLine(name, metric, len(one.units), own, reference=other, failed=own.failed)
-    if other is None:
-        return line
-    is_skewed = True if metric in asked.never else None
-    compared = crossed_difference(one, entries[other], is_skewed, asked.margin(metric))
-    return replace(line, difference=compared)
 
 
 def agreement(facts: Mapping[str, Any]) -> Iterator[str]:

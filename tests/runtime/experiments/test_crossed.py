@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from runtime.experiments.analysis.comparison import ComparisonLine, Questions, corrected
+from runtime.experiments.analysis.comparison import ComparisonLine, Questions, correct
 from runtime.experiments.analysis.crossed import Contestant, crossed_difference
 from runtime.experiments.tuning import agreement
 
@@ -63,7 +63,7 @@ def test_of_one_tuning_each_only_these_controllers_are_told_apart() -> None:
     a = Contestant(a.values + 5.0, True)
     found = crossed_difference(a, b)
     line = ComparisonLine("a", "e", 8, a.estimate(), found, reference="b")
-    [line] = corrected([line], Questions())
+    [line] = correct([line], Questions())
     assert line.verdict == "these controllers" and line.has_significant_difference is None
     facts = line.to_dict()["difference"]
     assert facts["p"] is facts["p_adjusted"] is facts["distinguishable"] is None
