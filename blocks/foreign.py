@@ -26,7 +26,7 @@ def raised_text(error: BaseException, with_place: bool = True) -> str:
     """
     if isinstance(error, KeyboardInterrupt):
         raise error
-    text = text_of(error)
+    text = text_of(error) + _suggestion(error)
     place = raised_at(error) if with_place else ""
     return f"{type(error).__name__}{f': {text}' if text else ''}{f' ({place})' if place else ''}"
 
@@ -39,6 +39,20 @@ def text_of(error: BaseException) -> str:
         raise
     except BaseException:  # noqa: BLE001 -- a class of others may raise anything
         return "its text cannot be had, since __str__ fails"
+
+
+def _suggestion(error: BaseException) -> str:
+    """The attribute that a misspelt one of an object is close to: ", did you mean 'tau'?"."""
+    if not isinstance(error, AttributeError) or error.name is None:
+        return ""
+    from difflib import get_close_matches
+
+    try:
+        known = [name for name in dir(error.obj) if not name.startswith("_")]
+    except Exception:  # noqa: BLE001 -- __dir__ of a class of others may raise anything
+        return ""
+    near = get_close_matches(error.name, known, 1)
+    return f", did you mean '{near[0]}'?" if near else ""
 
 
 def raised_at(error: BaseException) -> str:

@@ -244,6 +244,7 @@ def covariance_fault(matrix: FloatArray, definite: bool = False) -> str:
         return f"a covariance is symmetric, but [{i}][{j}] is {a:g} and [{j}][{i}] is {b:g}"
     least = float(np.linalg.eigvalsh(matrix).min(initial=np.inf))
     if least < -small or (definite and least <= 0.0):
-        word = "positive" if definite else "not negative"
-        return f"the variances of a covariance are {word} in all directions; one is {least:g}"
+        word = "only positive eigenvalues" if definite else "no negative eigenvalue"
+        kind = "positive definite" if definite else "positive semidefinite"
+        return f"a covariance has {word} (it is {kind}); the least is {least:g}"
     return ""

@@ -40,7 +40,7 @@ from runtime.network.block_types import (
     relative_with,
     written_types,
 )
-from runtime.network.contexts import check_contexts, check_enabling, contact_notes, failure_text
+from runtime.network.contexts import check_contexts, check_enabling, context_notes, failure_text
 from runtime.network.defaults import with_defaults
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -139,8 +139,8 @@ def _check(
     missing = check_contexts(network, problems) if can_run else None
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
     if can_run and not problems.items:
-        more = (*rate_notes(network), *contact_notes(network))
-        network = network.changed(notes=(*network.notes, *more))
+        notes = [*network.notes, *rate_notes(network), *context_notes(network)]
+        network = network.changed(notes=tuple(notes))
     return network, extra
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from types import FunctionType, ModuleType
 
 from blocks.core import (
     Block,
@@ -24,12 +25,14 @@ from blocks.core import (
     state_shape,
 )
 from blocks.messages import Note
+from blocks.registry import is_built_in
 from runtime.errors import Problems, raised_text
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.scope import INPUTS
 
 MAX_BYTES = 4 * 1024**3
+GENERATORS = ("default_rng", "Generator", "RandomState", "Random")
 
 
 def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
@@ -203,7 +206,12 @@ def _enables(network: Network) -> Iterator[NetworkEntry]:
     return (each for each in network.entries.values() if issubclass(each.cls, PartEnable))
 
 
-def contact_notes(network: Network) -> list[Note]:
+def context_notes(network: Network) -> list[Note]:
+    """What is dubious of blocks in their places: bodies that pass walls, draws without seed."""
+    return [*_contact_notes(network), *_random_notes(network)]
+
+
+def _contact_notes(network: Network) -> list[Note]:
     """The moving bodies of a graph with a world that no surface stops and no block measures.
 
     A body is what turns commands into a pose: a block with states, an output Pose and no input of
@@ -235,3 +243,38 @@ def contact_notes(network: Network) -> list[Note]:
             )
             notes.append(Note(text, "passes-walls", block=name))
     return notes
+
+
+def _random_notes(network: Network) -> list[Note]:
+    """The own blocks that draw random numbers which no seed of the run sets."""
+    notes = []
+    for name, entry in network.entries.items():
+        if method := _draws_elsewhere(entry.cls):
+            text = (
+                f"block '{name}': {method} draws from a generator that the run's seed does not "
+                "set, so that no two runs are equal; draw from state.rng"
+            )
+            notes.append(Note(text, "block-note", block=name))
+    return notes
+
+
+def _draws_elsewhere(cls: type[Block]) -> str:
+    """The method of an own class that names ``np.random`` or ``random``; '' if none does.
+
+    One that makes a generator, which it may seed, is not meant.
+    """
+    for owner in cls.__mro__:
+        if is_built_in(owner):
+            break
+        for method in vars(owner).values():
+            if isinstance(method, FunctionType):
+                names = set(method.__code__.co_names)
+                modules = {
+                    value.__name__
+                    for name in names
+                    if isinstance(value := method.__globals__.get(name), ModuleType)
+                }
+                of_numpy = "numpy.random" in modules or ("numpy" in modules and "random" in names)
+                if ("random" in modules or of_numpy) and names.isdisjoint(GENERATORS):
+                    return method.__qualname__
+    return ""

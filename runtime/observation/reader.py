@@ -9,7 +9,7 @@ an address, which is then recorded by itself::
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -371,6 +371,8 @@ class _Reader:
             what = "a string for each line, as in [position, heading]"
             labels = strings(node.get("labels"), f"{address}.labels", what, self.problems)
             options["labels"] = [str(item.value) for item, _ in labels]
+            if kind == "timeseries":
+                self.count_labels(node, address, len(labels), of)
         for key in () if definition is None else definition.signals:
             if key in options:
                 options[key] = self.role_probe(node, key, keys, address)
@@ -395,6 +397,14 @@ class _Reader:
             if item is not None or key not in misspelt_keys(node, keys):
                 where = node.key if item is None else item.where
                 self.problems.add(where, f"{address}.{key}", text)
+
+    def count_labels(self, node: Node, address: str, count: int, of: Sequence[str]) -> None:
+        """Report labels of which the last have no line that they could name."""
+        lines = sum(len(self.observation.probes[name].labels) for name in of)
+        # Lines of removed blocks are missing, and their labels stay in the file.
+        if of and count > lines and not self.network.removed:
+            message = f"expected a label for each line, {lines} at the most, got {count}"
+            self.report(node, (), address, [("labels", message)])
 
     def metric(self, name: str, node: Node, address: str) -> None:
         known = METRIC_KINDS.names

@@ -49,3 +49,13 @@ def test_control_c_goes_on_and_long_texts_are_cut() -> None:
     with pytest.raises(KeyboardInterrupt):
         raised_text(KeyboardInterrupt())
     assert raised_text(ValueError("a" * 10**6)) == f"ValueError: {'a' * LONGEST}"
+
+
+def test_a_misspelt_attribute_has_a_suggestion() -> None:
+    class Own:
+        tau = 1.0
+
+    with pytest.raises(AttributeError) as caught:
+        getattr(Own(), "tua")  # noqa: B009 -- type checkers know that it has none
+    text = raised_text(caught.value, with_place=False)
+    assert text == "AttributeError: 'Own' object has no attribute 'tua', did you mean 'tau'?"

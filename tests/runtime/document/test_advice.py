@@ -41,10 +41,13 @@ FILTER: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"Q": [[-1, 0], [0, 1]]}, "k.Q: the variances of a covariance are not negative"),
+        (
+            {"Q": [[-1, 0], [0, 1]]},
+            "k.Q: a covariance has no negative eigenvalue",
+        ),
         ({"Q": [[1, 0.5], [0, 1]]}, "k.Q: a covariance is symmetric, but [0][1] is 0.5"),
-        ({"P0": [[1, 2], [2, 1]]}, "k.P0: the variances of a covariance are not negative"),
-        ({"R": 0.0}, "k.R: the variances of a covariance are positive in all directions"),
+        ({"P0": [[1, 2], [2, 1]]}, "k.P0: a covariance has no negative eigenvalue"),
+        ({"R": 0.0}, "k.R: a covariance has only positive eigenvalues"),
         ({"C": [[1, 0], [0, 1]]}, "k.R: expected 2 x 2 numbers, got a number"),
     ],
 )
@@ -61,7 +64,7 @@ def test_a_matrix_times_its_transpose_is_a_covariance_and_its_negative_is_not(ro
     square = root @ root.T
     assert covariance_fault(square) == ""
     if np.abs(square).max() > 1e-3:
-        assert "variances" in covariance_fault(-square)
+        assert "eigenvalue" in covariance_fault(-square)
     skewed = square + np.triu(np.ones((3, 3)), 1) * (1.0 + np.abs(square).max())
     assert "symmetric" in covariance_fault(skewed)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,3 +76,35 @@ def test_a_wrong_seed_is_reported_where_it_is_written(seed: Any) -> None:
     places = [problem.address for problem in caught.value.problems]
     assert places == ["blocks.a.seed", "blocks.p.seed"]
     assert "expected a non-negative integer" in str(caught.value)
+
+
+OWN = """
+import random
+import numpy as np
+from blocks import Block, Output, Scalar
+
+class Mine(Block):
+    "A block with noise of its own."
+    out = Output(Scalar)
+
+    def output(self, state, t):
+        return DRAW
+"""
+
+
+@pytest.mark.parametrize(
+    ("draw", "noted"),
+    [
+        ("np.random.rand()", True),
+        ("random.random()", True),
+        ("float(np.random.default_rng(3).random())", False),
+        ("1.0", False),
+    ],
+)
+def test_numbers_that_no_seed_sets_are_a_note(tmp_path: Path, draw: str, noted: bool) -> None:
+    (tmp_path / "own.py").write_text(OWN.replace("DRAW", draw))
+    (tmp_path / "g.yaml").write_text(
+        "run: {dt: 0.1, until: 1}\nblocks:\n  m: {type: Mine, module: own.py}\nprobes: {y: m.out}\n"
+    )
+    notes = runtime.load(tmp_path / "g.yaml").check().network.notes
+    assert [("draws from a generator" in note) for note in notes] == [True] * noted

@@ -130,6 +130,12 @@ def columns(tmp_path: Path) -> Path:
     return path
 
 
+def test_a_label_without_a_line_is_an_error(columns: Path) -> None:
+    columns.write_text(COLUMNS.replace("[first, second]", "[first, second, third]"), "utf-8")
+    with pytest.raises(runtime.GraphError, match="for each line, 2 at the most, got 3"):
+        runtime.load(columns).check()
+
+
 def test_columns_of_one_signal_have_names_and_units(columns: Path, tmp_path: Path) -> None:
     result = runtime.load(columns).run()
     for found in (result, runtime.open(result.save(tmp_path / "run"))):
