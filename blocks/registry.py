@@ -26,7 +26,9 @@ _CONTENT = "__spikeblocks_content__"
 
 # Those of installed packages as well.
 BLOCKS: Registry[type[Block]] = Registry(
-    *("blocks", Block, "a subclass of Block"),
+    "blocks",
+    Block,
+    "a subclass of Block",
     lazy={name: f"blocks.{module}:{name}" for name, module in TYPES.items()},
     classes=True,
 )

@@ -14,6 +14,7 @@ from blocks.core.elementwise import (
     piece,
     spread_to,
 )
+from blocks.core.equation_settings import Constants, Definitions, Names
 from blocks.core.equations import Equations, items, value_type, width_of, wrong_size
 from blocks.core.expression_arrays import ARRAYS, CREATION
 from blocks.core.expression_indices import MAX_DEPTH
@@ -51,7 +52,6 @@ from blocks.core.matrices import (
     times,
     transposed,
 )
-from blocks.core.names import Constants, Definitions, Names
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,

@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 from blocks.core.block import Block
 from blocks.core.block_state import BlockContext
 from blocks.core.declarations import Input
+from blocks.core.equation_settings import Constants, Definitions, Names
 from blocks.core.expression_text import ExpressionError, tree_of
 from blocks.core.expression_values import Written
 from blocks.core.expressions import (
@@ -27,7 +28,6 @@ from blocks.core.expressions import (
     read_expressions,
     used_words,
 )
-from blocks.core.names import Constants, Definitions, Names
 from blocks.core.params import ParameterError, param
 from blocks.core.scalar_functions import misnamed
 from blocks.core.signals import Scalar, SignalForm, SignalType, Vector

@@ -15,10 +15,10 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from blocks.core.equation_settings import Names
 from blocks.core.expression_text import ExpressionError
 from blocks.core.expressions import array_of
 from blocks.core.hints import misspelt
-from blocks.core.names import Names
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 from blocks.core.stored_arrays import StoredArray, as_written

@@ -36,10 +36,10 @@ from runtime.runs import (
     check_same_program,
     leftovers,
     program_of,
+    read_checkpoint,
     read_run,
     recover,
     remove,
-    restored,
     run_folder,
 )
 from runtime.sessions import CALLS, CHANGES, GRAPH, SESSION, VERSION, Session, changes_of
@@ -188,7 +188,7 @@ def _last(folder: Path) -> tuple[Source, dict[str, Any]]:
     wrong: list[str] = []
     for checkpoint in checkpoints:
         try:
-            return (checkpoint, rows), restored(checkpoint, rows)[1]
+            return (checkpoint, rows), read_checkpoint(checkpoint, rows)[1]
         except UsageError as error:
             wrong.append(str(error))
     raise UsageError("; ".join(wrong))

@@ -176,10 +176,10 @@ def _each(
     own = all(is_ours(plot) for plot in plots)
     # macOS ends a process that forked after its system libraries were used.
     if share and own and len(plots) > 1 and sys.platform == "linux":
-        from runtime.plots.sharing import can_share, shared
+        from runtime.plots.sharing import can_share, share_work
 
         if can_share():
-            return shared(work, len(plots), progress)
+            return share_work(work, len(plots), progress)
     done = []
     for i in range(len(plots)):
         if progress is not None:

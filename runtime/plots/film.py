@@ -186,7 +186,8 @@ def _save(frames: Sequence[Image.Image], file: Path) -> None:
         images.append(image)
         before = now
     images[0].save(
-        *(file, "GIF"),
+        file,
+        "GIF",
         save_all=True,
         append_images=images[1:],
         duration=round(1000 / RATE),

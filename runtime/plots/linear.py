@@ -172,7 +172,9 @@ def draw_nyquist(system: LinearSystem, title: Title, look: str = "screen") -> Fi
         for k in _arrows(response):
             ahead, here = response[k + 1], response[k]
             plane.annotate(
-                *("", (ahead.real, ahead.imag), (here.real, here.imag)),
+                "",
+                xy=(ahead.real, ahead.imag),
+                xytext=(here.real, here.imag),
                 arrowprops={"arrowstyle": "->", "color": COLOURS[0]},
             )
         plane.plot([-1.0], [0.0], "+", color=COLOURS[1], markersize=9, markeredgewidth=1.6)
@@ -180,7 +182,6 @@ def draw_nyquist(system: LinearSystem, title: Title, look: str = "screen") -> Fi
         near = response[np.abs(response) < 4.0]
         reach = max(2.0, 1.1 * float(np.abs(near).max(initial=0.0)))
         plane.set(
-            *(),
             title="Nyquist plot",
             xlabel="real part",
             ylabel="imaginary part",
@@ -227,7 +228,9 @@ def draw_locus(
         )
         for p, mark in ((poles[0], "x"), (poles[-1], "s")):
             plane.plot(
-                *(p.real, p.imag, mark),
+                p.real,
+                p.imag,
+                mark,
                 color="black",
                 markersize=6,
                 fillstyle="none",

@@ -402,7 +402,8 @@ def _shade(axes: Axes, world: World, xy: FloatArray, t: FloatArray, since: float
     beside = (from_circle <= np.abs(world.distance(xy)) + 1e-9) & (t >= since)
     axes.fill_between(
         t,
-        *(0.0, 1.0),
+        0.0,
+        1.0,
         where=beside.tolist(),
         step="post",
         transform=axes.get_xaxis_transform(),

@@ -165,7 +165,10 @@ def _draw(axes: Axes, lines: Sequence[OverlaidLine]) -> None:
     hidden = _count_covered([line.y for line in lines])
     for i, line in enumerate(lines):
         style.draw_series(
-            *(axes, line.t, line.y, line.held),
+            axes,
+            line.t,
+            line.y,
+            line.held,
             label=line.label,
             linewidth=LATER if i or len(lines) == 1 else FIRST,
             zorder=order[i],

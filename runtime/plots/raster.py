@@ -100,7 +100,7 @@ def draw_raster(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
             _marks(axes, train)
     names = style.short_labels([train.name for train in trains])
     for axes, train, name in zip(upper, trains, names, strict=False):
-        message = _sorted_by(axes, train)
+        message = _order_label(axes, train)
         axes.set_ylabel(f"{name}\n{message}" if count > 1 else message)
         axes.set_ylim(-0.5, max(1, train.spikes.shape[1]) - 0.5)
         axes.grid(False)
@@ -109,7 +109,7 @@ def draw_raster(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     return upper[0]
 
 
-def _sorted_by(axes: Axes, train: _Train) -> str:
+def _order_label(axes: Axes, train: _Train) -> str:
     """How the neurons are sorted, for the label of their axis."""
     if train.tuning is None:
         return "neuron, sorted by 1st PC"
@@ -135,7 +135,8 @@ def _marks(axes: Axes, train: _Train) -> None:
         style.explain_empty(axes, "no spikes" if len(train.t) else "nothing recorded")
         return
     axes.plot(
-        *(train.t[row], neuron),
+        train.t[row],
+        neuron,
         linestyle="none",
         marker="|",
         color="black",

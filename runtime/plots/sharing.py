@@ -2,7 +2,7 @@
 
 In: a function of an index, and how many there are. Out: what it returned for each::
 
-    shared(draw_and_write, 5)    # ["", "", "", "", ""]: draws two or three itself
+    share_work(draw_and_write, 5)    # ["", "", "", "", ""]: draws two or three itself
 
 Both take indices from one pipe, and the fork sends what it did through another. What it has not
 done when it ends, in whatever way, this process does: a fork that cannot be started, that is killed
@@ -36,7 +36,7 @@ def can_share() -> bool:
     return threading.active_count() == 1 and len(os.sched_getaffinity(0)) > 1
 
 
-def shared(
+def share_work(
     work: Callable[[int], str], count: int, progress: Callable[[int, int], None] | None = None
 ) -> list[str]:
     """What a function returns for 0, ..., count - 1, each computed here or in a fork.
@@ -49,7 +49,7 @@ def shared(
     ------
     KeyboardInterrupt : of this process; the fork is interrupted as well.
     """
-    indices = _filled(min(count, MOST))
+    indices = _fill_pipe(min(count, MOST))
     reader, writer = os.pipe()
     # Ctrl-C must not reach the fork before it can unwind to its end and not into its caller.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -61,7 +61,7 @@ def shared(
     done: dict[int, str] = {}
     try:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for index in _taken(indices):
+        for index in _take_indices(indices):
             if progress is not None:
                 progress(index, count)
             done[index] = work(index)
@@ -89,7 +89,7 @@ def _answers(reader: int) -> dict[int, str]:
     return done
 
 
-def _filled(count: int) -> int:
+def _fill_pipe(count: int) -> int:
     """The reading end of a pipe with all indices, which ends after the last one."""
     reader, writer = os.pipe()
     os.write(writer, b"".join(i.to_bytes(_INDEX, "little") for i in range(count)))
@@ -97,7 +97,7 @@ def _filled(count: int) -> int:
     return reader
 
 
-def _taken(indices: int) -> Iterator[int]:
+def _take_indices(indices: int) -> Iterator[int]:
     while index := os.read(indices, _INDEX):
         yield int.from_bytes(index, "little")
 
@@ -123,7 +123,7 @@ def _be_the_fork(
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         gc.freeze()  # a collection would write to all pages, and so copy them
-        for index in _taken(indices):
+        for index in _take_indices(indices):
             os.write(writer, (json.dumps([index, work(index)]) + "\n").encode())
     finally:
         os._exit(0)

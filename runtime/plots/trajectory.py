@@ -213,7 +213,8 @@ def _mark(xy: FloatArray, label: str, colour: str = "0.35") -> Line2D:
     """A hollow circle for the start, a full square for the end."""
     start = label == "start"
     return Line2D(
-        *(xy[:, 0], xy[:, 1]),
+        xy[:, 0],
+        xy[:, 1],
         linestyle="none",
         label=label,
         marker="o" if start else "s",
@@ -248,7 +249,10 @@ def _triangles(
     x, y, theta = poses.T
     head: dict[str, Any] = {"headlength": 3.0, "headaxislength": 3.0, "headwidth": 2.2}
     axes.quiver(
-        *(x, y, np.cos(theta), np.sin(theta)),
+        x,
+        y,
+        np.cos(theta),
+        np.sin(theta),
         **head,
         color=colour,
         units="width",

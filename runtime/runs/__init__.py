@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from blocks.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.runs.checkpoint import BEFORE, Checkpoints, Source, restored
+    from runtime.runs.checkpoint import BEFORE, Checkpoints, Source, read_checkpoint
     from runtime.runs.commit import git_commit
     from runtime.runs.display import Figures, compared_metrics, metrics_table
     from runtime.runs.draft import (

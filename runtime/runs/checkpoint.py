@@ -80,7 +80,7 @@ class Checkpoints:
         if self.source is not None:
             began = time.perf_counter()
             engine.prepare()
-            given, header = restored(*self.source)
+            given, header = read_checkpoint(*self.source)
             expected = {name: array.shape for name, array in engine.state.arrays.items()}
             if {name: array.shape for name, array in given.arrays.items()} != expected:
                 raise UsageError(
@@ -162,7 +162,7 @@ def content(engine: Engine, graph: str = "") -> bytes:
         "checkpoint": VERSION,
         "tick": given.tick,
         "rows": {name: rows for name, (_, rows, _, _) in given.recording.items()},
-        "generators": _listed(given.generators),
+        "generators": _to_json(given.generators),
         "own": own,
         "unchanged": unchanged,
         "python_from": given.python_from,
@@ -214,7 +214,7 @@ def digest_of(folder: Path) -> str:
     return sha256(path) if path.is_file() else ""
 
 
-def restored(path: Path, rows: Mapping[str, FloatArray]) -> tuple[Carried, dict[str, Any]]:
+def read_checkpoint(path: Path, rows: Mapping[str, FloatArray]) -> tuple[Carried, dict[str, Any]]:
     """The state in a checkpoint, with the rows recorded before it, and its header.
 
     Raises
@@ -246,11 +246,16 @@ def restored(path: Path, rows: Mapping[str, FloatArray]) -> tuple[Carried, dict[
                 raise ValueError(f"of probe '{name}', {count} rows should be beside it")
             recording[name] = ((rows[name][:count],), count, 0, arrays.get(f"filter/{name}"))
         given = Carried(
-            *(int(header["tick"]), state, held, _unlisted(header["generators"]), own, recording),
-            arrays.get("log"),
-            header["python_from"],
-            tuple(header["notes"]),
-            header["unchanged"],
+            tick=int(header["tick"]),
+            arrays=state,
+            held=held,
+            generators=_from_json(header["generators"]),
+            own=own,
+            recording=recording,
+            log=arrays.get("log"),
+            python_from=header["python_from"],
+            notes=tuple(header["notes"]),
+            unchanged=header["unchanged"],
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UsageError(f"'{path}' is no checkpoint that can be used: {error}") from None
@@ -277,16 +282,16 @@ def _digest(text: str, arrays: Mapping[str, FloatArray]) -> str:
     return found.hexdigest()
 
 
-def _listed(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     """States of generators as JSON has them: an array as its type and numbers."""
     if isinstance(value, Mapping):
-        return {key: _listed(item) for key, item in value.items()}
+        return {key: _to_json(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
         return {"dtype": str(value.dtype), "numbers": value.tolist()}
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _unlisted(value: Any) -> Any:
+def _from_json(value: Any) -> Any:
     if isinstance(value, dict) and value.keys() == {"dtype", "numbers"}:
         return np.array(value["numbers"], dtype=value["dtype"])
-    return {k: _unlisted(v) for k, v in value.items()} if isinstance(value, dict) else value
+    return {k: _from_json(v) for k, v in value.items()} if isinstance(value, dict) else value

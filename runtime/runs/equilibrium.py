@@ -137,7 +137,7 @@ class _Search:
             targets.append((port, is_open))
         return np.array(values), targets
 
-    def _evaluated(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _evaluate(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """All values, what moves, and the outputs."""
         whole = self.whole.copy()
         whole[self.free] = unknowns
@@ -150,10 +150,10 @@ class _Search:
         return whole, np.concatenate([rates, after[self.n : count] - whole[self.n : count]]), y
 
     def _residuals(self, unknowns: FloatArray) -> FloatArray:
-        _, moving, y = self._evaluated(unknowns)
-        return np.concatenate([moving, self._missed(y)])
+        _, moving, y = self._evaluate(unknowns)
+        return np.concatenate([moving, self._distances(y)])
 
-    def _missed(self, y: FloatArray) -> FloatArray:
+    def _distances(self, y: FloatArray) -> FloatArray:
         """How far each output with a wanted value is from its range."""
         ranges = [self.wanted.get(name, (-np.inf, np.inf)) for name in self.there.outputs]
         return np.array(
@@ -171,7 +171,8 @@ class _Search:
         if len(x0):
             # Inside of its bounds, as the method wants it.
             found = least_squares(
-                *(self._residuals, np.clip(x0, np.nextafter(low, high), np.nextafter(high, low))),
+                self._residuals,
+                np.clip(x0, np.nextafter(low, high), np.nextafter(high, low)),
                 bounds=(low, high),
                 x_scale="jac",
                 xtol=1e-15,
@@ -180,7 +181,7 @@ class _Search:
                 max_nfev=1000,
             )
             x0 = found.x
-        whole, _, y = self._evaluated(x0)
+        whole, _, y = self._evaluate(x0)
         left, count = self._residuals(x0), len(self.states)
         names = [f"{name}'" for name in self.states] + list(self.there.outputs)
         sizes = np.maximum(1.0, np.abs(np.concatenate([whole[:count], y])))

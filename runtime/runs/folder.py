@@ -305,10 +305,18 @@ def run_from_manifest(
     except (ValueError, TypeError, AttributeError, IndexError) as error:
         raise _damage_error(folder / MANIFEST, str(error)) from None
     return RunData(
-        *(str(manifest["graph"]), probes, metrics, plots, manifest),
-        *(lambda: (texts, {}), notes, failures, world, units),
-        read_arrays(folder / STATES) if (folder / STATES).is_file() else {},
-        never,
+        title=str(manifest["graph"]),
+        probes=probes,
+        metrics=metrics,
+        plots=plots,
+        manifest=manifest,
+        origin=lambda: (texts, {}),
+        notes=notes,
+        failures=failures,
+        world=world,
+        units=units,
+        states=read_arrays(folder / STATES) if (folder / STATES).is_file() else {},
+        never=never,
     )
 
 

@@ -40,13 +40,13 @@ class OperatingPoint:
         opened: str = "",
     ) -> None:
         self.network = network
-        cut = _cut_at(network, opened) if opened else None
+        cut = _signal_at_cut(network, opened) if opened else None
         if cut is not None and not (inputs or outputs):
             outputs = [opened]
         watched = [_watch(network, text) for text in outputs]
         ends = [each for each, _ in watched]
         first = self._first(inputs)
-        components = () if cut is None else self._cut(cut, first, bool(inputs))
+        components = () if cut is None else self._cut_loop(cut, first, bool(inputs))
         self.outputs = tuple(name for _, names in watched for name in names)
         self.structure = structure_of(network, first.keys(), {each.end.block for each in ends})
         engine, tick = _engine(network, at, max(1, self.structure.period))
@@ -78,7 +78,7 @@ class OperatingPoint:
         self.driven = frozenset(driven)
         return first
 
-    def _cut(self, cut: Watched, first: dict[Port, int], others: bool) -> tuple[int, ...]:
+    def _cut_loop(self, cut: Watched, first: dict[Port, int], others: bool) -> tuple[int, ...]:
         """Add the signal at the cut to the inputs; its components at which readers are cut off."""
         key = cut.end.block, cut.end.port
         every = labels(f"{cut.end.block}.{cut.end.port}", self.network.types[key])
@@ -165,7 +165,7 @@ def _input_at(network: Network, text: str) -> tuple[Port, str, str]:
     return (end.block, end.port), _whole(text, end), end.component
 
 
-def _cut_at(network: Network, text: str) -> Watched:
+def _signal_at_cut(network: Network, text: str) -> Watched:
     watched, _ = _watch(network, text)
     if watched.is_state:
         raise UsageError(f"'{text}': expected an output of a block, at which the loop is cut")

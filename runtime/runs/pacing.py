@@ -107,7 +107,7 @@ class Pacing:
         self.period = period
         # Allocated before the loop: growing it would make ticks late.
         self.late = np.zeros(count, dtype=np.int64)
-        with _scheduled(self.priority, self.notes) as self.policy:
+        with _schedule(self.priority, self.notes) as self.policy:
             begin = self.now() if begin is None else begin
             for number in range(count):
                 if is_over():
@@ -169,7 +169,7 @@ class Pacing:
 
 
 @contextmanager
-def _scheduled(wanted: bool, notes: list[str]) -> Iterator[str]:
+def _schedule(wanted: bool, notes: list[str]) -> Iterator[str]:
     """A context under SCHED_FIFO, if that is wanted and possible; the policy's name."""
     if not wanted:
         yield "normal"

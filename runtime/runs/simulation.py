@@ -133,7 +133,7 @@ def result_of(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
     if not whole:
-        result = Result(network.title, probes, metrics, [], _ended(outcome))
+        result = Result(network.title, probes, metrics, [], _outcome_facts(outcome))
         result.failures = failures
         return result
     notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
@@ -141,7 +141,7 @@ def result_of(
         missing = (each for each in observation.metrics if metrics[each.name] is None)
         ends = [each.beyond(outcome.stopped_at, network.time_unit) for each in missing]
         notes += [note for note in ends if note and note not in notes]
-    notes += _unlocated(observation.events, program.plan)
+    notes += _notes_of_events(observation.events, program.plan)
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     if network.keep is not None and outcome.ticks * network.dt > network.keep:
         kept = f"{network.keep:g} {network.time_unit}"
@@ -225,12 +225,18 @@ def _events(
     values = table[:, 1:] if len(blocks) > 1 else table[:, 2]
     units, addresses = ("",) * len(labels), {label: (i, i + 1) for i, label in enumerate(labels)}
     return Recording(
-        *(name, table[:, 0], values, labels, units, ("Events",) * len(blocks), addresses),
+        name=name,
+        t=table[:, 0],
+        values=values,
+        labels=labels,
+        units=units,
+        kinds=("Events",) * len(blocks),
+        addresses=addresses,
         time_unit=time_unit,
     )
 
 
-def _unlocated(events: Mapping[str, Sequence[str]], plan: Plan) -> list[str]:
+def _notes_of_events(events: Mapping[str, Sequence[str]], plan: Plan) -> list[str]:
     """Notes of blocks whose events a probe cannot record: they act on ticks in this graph."""
     crossings = () if plan.integration is None else plan.integration.crossings
     located = {crossing.block for crossing in crossings}
@@ -281,7 +287,7 @@ def _result(
 def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as written and as run, and the files of its own blocks."""
     read = graph.read
-    resolved, files = portable(_resolved_document(graph, engine), read)
+    resolved, files = portable(_resolve_document(graph, engine), read)
     # The bytes that were read, and not the file: it may have been edited during the run.
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
@@ -290,7 +296,7 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
     return (texts if diagram is None else {**texts, DIAGRAM: diagram}), contents(files, read)
 
 
-def _resolved_document(graph: PreparedRun, engine: str) -> dict[str, Any]:
+def _resolve_document(graph: PreparedRun, engine: str) -> dict[str, Any]:
     """The document with all entries of its ``run`` section written out."""
     return {**graph.document(), "run": graph.network.run_entries() | {"engine": engine}}
 
@@ -306,7 +312,7 @@ def _manifest(
         "graph": network.title,
         "source": str(graph.source) if graph.source else None,
         "read": read,
-        **_ended(outcome),
+        **_outcome_facts(outcome),
         "seed": network.seed,
         "dt": network.dt,
         "until": network.until,
@@ -325,7 +331,7 @@ def _manifest(
     }
 
 
-def _ended(outcome: Outcome) -> dict[str, Any]:
+def _outcome_facts(outcome: Outcome) -> dict[str, Any]:
     """How a run ended."""
     return {
         "status": outcome.status,

@@ -79,8 +79,14 @@ def margins(loop: Linearization) -> Margins:
     is_stable = is_inside(eigenvalues(closed), bool(loop.period))
     delay, modulus_at = float(delay), float(w[nearest])
     return Margins(
-        *(float(gain), float(gain_at), float(phase), float(phase_at)),
-        *(delay, modulus, modulus_at, is_stable),
+        gain=float(gain),
+        gain_at=float(gain_at),
+        phase=float(phase),
+        phase_at=float(phase_at),
+        delay=delay,
+        modulus=modulus,
+        modulus_at=modulus_at,
+        is_stable=is_stable,
     )
 
 

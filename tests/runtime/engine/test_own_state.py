@@ -11,7 +11,7 @@ import runtime
 from blocks import Block, Sine
 from runtime.engine import adopt
 from runtime.errors import UsageError
-from runtime.runs.checkpoint import content, restored
+from runtime.runs.checkpoint import content, read_checkpoint
 from tests.compilers import needs_compiler
 from tests.runtime.engine import own_memory
 from tests.runtime.engine.own_memory import COPIED, NOT_COPIED, SHARED, Compiled, Counts, Fails
@@ -113,7 +113,7 @@ def test_a_checkpoint_holds_views_and_names_what_it_cannot(kind: str, tmp_path: 
     session = graph(kind, None).session().step(5)
     if kind == "list":  # `start` makes the same views again
         (tmp_path / "c.npz").write_bytes(content(session._engine))
-        given, _ = restored(tmp_path / "c.npz", session._engine.finish().arrays)
+        given, _ = read_checkpoint(tmp_path / "c.npz", session._engine.finish().arrays)
         other = graph(kind, None).session()
         adopt(other._engine, given)
         assert_counts(other.step(10).result()["b.out"])

@@ -42,7 +42,7 @@ def meeting(folder: Path, then: Callable[[bool], None]) -> Callable[[int], str]:
 def test_two_processes_share_the_work(tmp_path: Path) -> None:
     begun: list[int] = []
     work = meeting(tmp_path, lambda in_fork: None)
-    answers = sharing.shared(work, COUNT, lambda i, n: begun.append(i))
+    answers = sharing.share_work(work, COUNT, lambda i, n: begun.append(i))
     assert [answer.split()[0] for answer in answers] == [str(i) for i in range(COUNT)]
     assert {answer.split()[2] for answer in answers} == {"parent", "fork"}
     assert begun == [i for i, answer in enumerate(answers) if "parent" in answer]
@@ -53,7 +53,7 @@ def test_a_killed_fork_costs_nothing_but_time(tmp_path: Path) -> None:
         if in_fork:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    answers = sharing.shared(meeting(tmp_path, then), COUNT)
+    answers = sharing.share_work(meeting(tmp_path, then), COUNT)
     assert answers == [f"{i} by parent" for i in range(COUNT)]
 
 
@@ -62,12 +62,12 @@ def test_a_fork_that_is_refused_is_done_without(monkeypatch: pytest.MonkeyPatch)
         raise BlockingIOError("no more processes")
 
     monkeypatch.setattr(os, "fork", refuse)
-    assert sharing.shared(str, 3) == ["0", "1", "2"]
+    assert sharing.share_work(str, 3) == ["0", "1", "2"]
 
 
 def test_more_than_the_pipe_holds_is_done_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "MOST", 2)
-    assert sharing.shared(str, 5) == ["0", "1", "2", "3", "4"]
+    assert sharing.share_work(str, 5) == ["0", "1", "2", "3", "4"]
 
 
 def test_an_interrupt_unwinds_the_fork_too(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_an_interrupt_unwinds_the_fork_too(tmp_path: Path) -> None:
             (tmp_path / "unwound").write_text(str(os.getpid()), encoding="utf-8")
 
     with pytest.raises(KeyboardInterrupt):
-        sharing.shared(meeting(tmp_path, then), COUNT)
+        sharing.share_work(meeting(tmp_path, then), COUNT)
     with pytest.raises(ChildProcessError):  # it was waited for
         os.waitpid(int((tmp_path / "unwound").read_text(encoding="utf-8")), os.WNOHANG)
 

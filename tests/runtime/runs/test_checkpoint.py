@@ -21,7 +21,7 @@ import runtime
 from runtime.engine import Engine, adopt
 from runtime.graph import resumable
 from runtime.runs import Checkpoints, chosen_runner
-from runtime.runs.checkpoint import content, restored
+from runtime.runs.checkpoint import content, read_checkpoint
 from runtime.runs.fingerprint import Program
 from tests.conftest import Run
 from tests.examples import examples
@@ -50,7 +50,7 @@ def test_a_fresh_engine_goes_on_from_the_file(name: str, engine: str, tmp_path: 
         pytest.skip(str(error))
     half = begun(graph, TICKS // 2)
     (tmp_path / "c.npz").write_bytes(content(half))
-    given, _ = restored(tmp_path / "c.npz", half.finish().arrays)
+    given, _ = read_checkpoint(tmp_path / "c.npz", half.finish().arrays)
     other = begun(graph, 0)
     adopt(other, given)
     other.advance(TICKS)
@@ -209,12 +209,12 @@ def test_a_damaged_checkpoint_is_refused(
     path = tmp_path_factory.mktemp("damaged") / "checkpoint.npz"
     path.write_bytes(whole[:at] + rest)
     try:
-        given, _ = restored(path, rows)
+        given, _ = read_checkpoint(path, rows)
     except runtime.UsageError:
         return
     # A byte of the archive that says nothing about the numbers, such as a date.
     path.write_bytes(whole)
-    same, _ = restored(path, rows)
+    same, _ = read_checkpoint(path, rows)
     assert {k: v.tobytes() for k, v in given.arrays.items()} == {
         k: v.tobytes() for k, v in same.arrays.items()
     }
