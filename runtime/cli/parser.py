@@ -101,7 +101,7 @@ class Parser(argparse.ArgumentParser):
             where = "runtime help changes" if group.title == CHANGES else f"{self.prog} --help-all"
             return [argparse._ArgumentGroup(self, group.title, f"{named}: '{where}'")]
         if self.verb_groups and group is self._positionals:
-            lines = {v.dest: f"{v.dest:<11} {str(v.help) % {}}" for v in self._verbs()}
+            lines = {v.dest: f"{v.dest:<12} {str(v.help) % {}}" for v in self._verbs()}
             return [
                 argparse._ArgumentGroup(self, title, "\n".join(lines[name] for name in names))
                 for title, names in self.verb_groups.items()

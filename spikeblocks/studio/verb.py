@@ -13,8 +13,8 @@ from runtime.document import find_file
 from runtime.errors import NOWHERE, MissingExtraError, UsageError
 from runtime.terminal import show
 
-HELP = "a page in the browser: see a graph run, change it by hand, keep what happened"
-GROUP = "tools"
+HELP = "see a graph run in the browser, and change it by hand"
+GROUP = "run"
 EXAMPLES = """
 runtime studio wall_following
 runtime studio my.yaml --port 7000 --no-browser
