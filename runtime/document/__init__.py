@@ -58,6 +58,7 @@ from runtime.document.sections import (
     is_part,
     misspelt_keys,
     name_problem,
+    read_title,
     rename_files,
     section,
     strings,

@@ -86,6 +86,7 @@ EXAMPLES = {
     "inputs": "push: {type: Scalar, default: 0.0}",
     "outputs": "command: join.out",
 }
+MAX_TITLE = 120
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.
 _RESERVED = ("file", "allow_pickle")
@@ -200,3 +201,19 @@ def name_problem(name: str, is_probe: bool) -> str:
     if is_probe and name in _RESERVED:
         return f"'{name}' is reserved in the file of a run's probes; use another name"
     return ""
+
+
+def read_title(document: Node, problems: Problems) -> str:
+    """The title of a graph; "graph" if it has none, or a wrong one."""
+    node = document.get("graph")
+    if node is None or node.value is None:
+        return "graph"
+    good = isinstance(node.value, (str, int, float)) and not isinstance(node.value, bool)
+    title = str(node.value)
+    if not good or not title.isprintable() or len(title) > MAX_TITLE:
+        message = (
+            f"expected a title, one line of up to {MAX_TITLE} characters, got {node.describe()}"
+        )
+        problems.add(node.where, "graph", message)
+        return "graph"
+    return title

@@ -54,6 +54,7 @@ class Content:
     source : the file that the graph was loaded from. files : content of all files read.
     modules : whether Python files that the graph names may be imported, or how they are read.
     block_cache : blocks that were constructed before, of other graphs, too.
+    is_part : whether it is the file of a part, whose inputs come from outside.
     reuse : what the copies of a graph share.
     """
 
@@ -66,6 +67,7 @@ class Content:
     modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
     block_cache: BlockCache | None = None
+    is_part: bool = False
     reuse: Reuse = field(default_factory=Reuse, compare=False)
 
     def changed(
@@ -137,6 +139,7 @@ def examine(content: Content, loops: bool = False) -> Examination:
             content.signal_types,
             content.modules,
             blocks,
+            content.is_part,
         )
         content.reuse.keep(blocks, network)
         observation = observe(network, problems, content.modules)

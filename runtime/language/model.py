@@ -17,15 +17,12 @@ import gc
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from blocks.core import Block, Output, Same
 from blocks.limits import GRAPH_VALUES
 from runtime.document import (
-    PART_SECTIONS,
     SECTIONS,
     Node,
     decode,
@@ -42,7 +39,7 @@ from runtime.language.items import YamlItem, deepest
 from runtime.language.scan import scan
 from runtime.language.surroundings import Surroundings
 from runtime.language.text import SourceText
-from runtime.network import Network
+from runtime.network import INPUTS, Network
 from runtime.observation import Observation
 
 # overlay: a file that changes a graph below it ("extends", "--with") and is incomplete alone.
@@ -52,7 +49,6 @@ PORTS = ("inputs", "outputs")
 # Sections that hardly any other YAML has.
 OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
 _TOP = re.compile(r"^[{ ]?([A-Za-z_]\w*)\s*:", re.MULTILINE)
-_OUTSIDE = "_outside_"
 # What may be right once the graph is there that an overlay changes.
 OF_BASE = {
     "unknown-block",
@@ -66,19 +62,6 @@ OF_BASE = {
     "null-value",
     "no-blocks",
 }
-
-
-class _Outside(Block):
-    """Stands for what a graph would wire to an input of a part.
-
-    [ outside ] ─▶ out
-    """
-
-    out = Output(Same("T"), doc="a signal of the type that the part declares")
-
-    def output(self, state: object, t: float) -> object:
-        """Never evaluated: parts are checked and not run."""
-        raise NotImplementedError("a part is not run by itself")
 
 
 @contextmanager
@@ -232,54 +215,22 @@ class Model:
         except GraphError as error:
             return document, error.problems
 
-    @cached_property
+    @property
     def document(self) -> Node:
-        """The graph with all that it extends; a part stands in a graph of its own."""
-        document = self._loading[0]
-        return self._wrap_part(document) if self.kind == "part" else document
-
-    @property
-    def prefix(self) -> str:
-        """Put before names of the file to form those in the network."""
-        return f"{self._part}." if self.kind == "part" else ""
-
-    @property
-    def _part(self) -> str:
-        name = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.path.stem)
-        return name if name[:1].isalpha() else f"part_{name}"
-
-    def _wrap_part(self, part: Node) -> Node:
-        """A graph with the part as its only block, and a source at each of its inputs."""
-        # A part alone has open inputs, and a graph may not have any. So it is checked in a graph
-        # made for it:     inputs: {error: Scalar}     becomes     blocks: {pid: {...},
-        # _outside_error: {...}}     (parts/pid.yaml)                        wires:  {pid: {error:
-        # _outside_error.out}} ``_with_own_names`` takes the name of the part out of its messages
-        # again.
-        inner = {name: node for name, node in part.items() if name in PART_SECTIONS}
-        inner |= {"part": Node(self.file)}
-        inner.pop("graph", None)
-        blocks = {self._part: Node(inner, part.where, part.where)}
-        wires: dict[str, Node] = {}
-        for name, node in (part.get("inputs") or Node({})).items():
-            type_node = node.get("type") if node.is_map else node
-            if type_node is not None and isinstance(type_node.value, str):
-                source = {"type": Node("_Outside"), "signal": Node(type_node.value)}
-                blocks[f"{_OUTSIDE}{name}"] = Node(source)
-                wires[name] = Node(f"{_OUTSIDE}{name}.out")
-        return Node({"blocks": Node(blocks), "wires": Node({self._part: Node(wires)})})
+        """The graph or part with all that it extends."""
+        return self._loading[0]
 
     @cached_property
     def checked_graph(self) -> Examination:
         """The checked graph, as far as that goes."""
         if self.kind in ("experiment", "world"):
             return Examination(self._check_other())
-        classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
         content = Content(
             self.document,
             source=self.path,
             modules=self.surroundings.modules,
-            classes=classes,
             block_cache=self.surroundings.reusable_blocks(),
+            is_part=self.kind == "part",
         )
         with _no_collection():
             return examine(content, loops=True)
@@ -340,13 +291,21 @@ class Model:
             return self.syntax
         # Where "extends" failed, half a graph would be checked, and every wire would be an error.
         loading = [] if self.kind in ("experiment", "world") else self._loading[1]
-        problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
+        problems = loading or self.checked_graph.problems
         if self.kind == "part":
             # A block may fail for want of what only the graph around a part gives.
-            problems = [p for p in problems if p.where.line and p.kind != "block-failed"]
+            given = {"block-failed", "open-type"} if self._has_open_inputs else {"block-failed"}
+            problems = [p for p in problems if p.where.line and p.kind not in given]
         if self.kind == "overlay":
             problems = [p for p in problems if not (p.kind in OF_BASE or self._is_about_null(p))]
         return sorted(set(problems))
+
+    @property
+    def _has_open_inputs(self) -> bool:
+        """Whether an input of a part has the type, or the length, of what is wired to it."""
+        network = self.network
+        names = [name for name in network.entries if name.startswith(INPUTS)] if network else []
+        return network is not None and not all(map(network.is_typed, names))
 
     def _is_about_null(self, problem: Problem) -> bool:
         """Whether a problem is about a null, which deletes what the graph below may have."""
@@ -354,15 +313,6 @@ class Model:
             return problem.kind == "unknown-input"  # a null there is known to that file alone
         item = deepest(self.root, self.text.at(problem.where))
         return item.kind == "empty" or (item.kind == "scalar" and item.value in ("null", "~"))
-
-    def _with_own_names(self, problem: Problem) -> Problem:
-        """A problem of a part, with the names that its text uses."""
-        if self.kind != "part":
-            return problem
-        prefix = f"blocks.{self._part}"
-        address = problem.address.removeprefix(prefix).removeprefix(".")
-        text = problem.text.replace(f"'{self._part}.", "'")
-        return replace(problem, address=address, text=text)
 
 
 # Completion needs the types of a graph that does not parse. So what was scanned goes to the

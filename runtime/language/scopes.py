@@ -35,8 +35,6 @@ def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
     if network is None:
         return None, path
     scope = network.scope
-    if model.prefix:
-        scope = scope.parts.get(model.prefix.rstrip("."), scope)
     # ("blocks", "arm", "blocks", "hand", "wires", "pid")  becomes  ("wires", "pid") in the scope
     # arm.hand
     while len(path) > 2 and path[0] == "blocks" and path[1] in scope.parts:

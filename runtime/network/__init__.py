@@ -33,5 +33,5 @@ from runtime.network.ports import GraphOutput
 from runtime.network.removal import follow, missing_block
 from runtime.network.repetition import copy_name
 from runtime.network.replacement import discretize, replace_block
-from runtime.network.scope import Scope
+from runtime.network.scope import INPUTS, Scope
 from runtime.network.ticks import off_ticks

@@ -97,7 +97,7 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     head, rest = names[0], names[1:]
     # From outside, 'part.k' and 'part.k[1]' are the output k, even if a block inside is named k; so
     # are 'k' and 'k[1]' of the whole graph.
-    is_output = (scope is not start or scope.parent is None) and head in scope.outputs
+    is_output = (scope is not start or scope.is_graph) and head in scope.outputs
     if head in scope.blocks and not (is_output and all(map(_INDEX.fullmatch, rest))):
         target = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
         return _component(target, rest[1:], text)
@@ -201,7 +201,7 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
         raise ReportedError
     if not rest or rest[0] not in scope.inputs:
         known = ", ".join(scope.inputs) or "none"
-        owner = "graph" if scope.parent is None else "part"
+        owner = "graph" if scope.is_graph else "part"
         message, name = f"'{text}' is not an input of this {owner}", rest[0] if rest else ""
         other = f"; its inputs: {known}"
         raise AddressError(misspelt("unknown-input", message, name, scope.inputs, other))
@@ -236,10 +236,10 @@ def _missing(start: Scope, scope: Scope, head: str) -> Message:
     inputs = {name: f"inputs.{name}" for name in scope.inputs}
     known = [*scope.names(), *scope.broken, *inputs.values()]
     text = f"there is no block '{head}'"
-    if scope.parent is None:
+    if scope.is_graph:
         known += scope.outputs
         other = f"; if it was deleted, restore it and write 'without: [{head}]'"
     else:
-        text += f" in part '{scope.prefix.rstrip('.')}'"
+        text += f" in part '{scope.prefix.rstrip('.')}'" if scope.prefix else ""
         other = f"; inputs of the part: {', '.join(inputs.values()) or 'none'}"
     return misspelt("unknown-block", text, head, known, other, inputs)

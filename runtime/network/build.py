@@ -31,7 +31,7 @@ from blocks.core import (
 from blocks.messages import Message, Note, Replace
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
-from runtime.document import Node, read_run, read_seed, section
+from runtime.document import Node, read_run, read_seed, read_title, section
 from runtime.errors import MissingExtraError, Problems
 from runtime.network.block_types import (
     block_class,
@@ -56,7 +56,6 @@ from runtime.network.wiring import Wiring
 
 BLOCK_KEYS = ("type", "module", "dt", "offset", "seed")
 SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")
-MAX_TITLE = 120
 BlockCache = MutableMapping[tuple[type[Block], str], Block]
 
 
@@ -67,6 +66,7 @@ def build(
     kinds: Mapping[str, SignalType] | None = None,
     modules: Modules = True,
     block_cache: BlockCache | None = None,
+    is_part: bool = False,
 ) -> tuple[Network, MissingExtraError | None]:
     """Build the network of a document in which nothing is left to extend or inline.
 
@@ -76,6 +76,7 @@ def build(
     classes, kinds : block types and signal types beside the library's, of graphs made in Python.
     modules : whether Python files that the graph names are imported, or how they are read.
     block_cache : blocks by type and parameters, which are used again; new ones are added.
+    is_part : whether it is the document of a part, whose inputs come from outside.
 
     Returns
     -------
@@ -91,9 +92,9 @@ def build(
     * Open types are reported only where nothing else is wrong, which is usually their reason.
     * States of earlier runs come last: their shapes are compared with those that types determine.
     """
-    scope, document = expand(document, problems)
+    scope, document = expand(document, problems, is_part)
     before = len(problems.items)
-    run, title = read_run(document, problems), _title(document.get("graph"), problems)
+    run, title = read_run(document, problems), read_title(document, problems)
     world = _world(document, problems)
     network = Network(title=title, **vars(run), scope=scope, document=document, world=world)
     # A wrong dt or world would be reported again by each block that asks its context for it.
@@ -178,20 +179,6 @@ def _world(document: Node, problems: Problems) -> World | None:
                 place = place if inner is None else inner
             problems.add(place.where, f"world.{address}".rstrip("."), text)
         return None
-
-
-def _title(node: Node | None, problems: Problems) -> str:
-    if node is None or node.value is None:
-        return "graph"
-    good = isinstance(node.value, (str, int, float)) and not isinstance(node.value, bool)
-    title = str(node.value)
-    if not good or not title.isprintable() or len(title) > MAX_TITLE:
-        message = (
-            f"expected a title, one line of up to {MAX_TITLE} characters, got {node.describe()}"
-        )
-        problems.add(node.where, "graph", message)
-        return "graph"
-    return title
 
 
 @dataclass(frozen=True)

@@ -178,7 +178,7 @@ def check_enabling(network: Network, problems: Problems) -> None:
     """Report blocks that switch no part, or that what they switch would have to switch on."""
     for enable in _enables(network):
         kind, prefix = enable.cls.__name__, enable.scope.prefix
-        if enable.scope.parent is None:
+        if enable.scope.is_graph:
             message = f"{kind} switches the part that it is in, but this is not in one; move it, "
             message += "with the blocks that it switches, to a part ({graph: part.yaml})"
             problems.add(enable.node.key, enable.address, message)

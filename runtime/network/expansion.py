@@ -33,8 +33,8 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 RESERVED = ("inputs", "outputs")
 
 
-def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
-    """Check the document's sections and open its parts.
+def expand(document: Node, problems: Problems, is_part: bool = False) -> tuple[Scope, Node]:
+    """Check the document's sections and open its parts; ``is_part`` if it is that of a part.
 
     Returns
     -------
@@ -43,10 +43,11 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
     work = Work(problems)
     # Before anything walks it: a few lines may stand for more values than fit in memory.
     work.check(document, document.where, "")
-    check_keys(document, SECTIONS, "", problems, "section")
+    check_keys(document, (*SECTIONS, "seed") if is_part else SECTIONS, "", problems, "section")
     declared = document.get("params")
     document_filled = fill_sections(document, declared, "", problems, work)
-    top = Scope("", "", unread=_unread(document, SECTIONS), params=_names(declared))
+    unread = _unread(document, SECTIONS)
+    top = Scope("", "", unread=unread, params=_names(declared), is_file_of_part=is_part)
     return _scope(document_filled, top, problems, work), document_filled
 
 

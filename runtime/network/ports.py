@@ -78,7 +78,7 @@ def with_ports(network: Network, problems: Problems) -> Network:
 
 def check_defaults(network: Network, problems: Problems) -> None:
     """Report, as one problem, the inputs that are needed and that nothing gives a value."""
-    inputs = network.scope.inputs.items()
+    inputs = network.scope.inputs.items() if network.scope.is_graph else ()
     lacking = {n: node for n, node in inputs if not (has_default(node) or is_optional(node))}
     if lacking:
         first = next(iter(lacking.values()))

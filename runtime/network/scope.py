@@ -25,7 +25,8 @@ class Scope:
     sections: they are reported once, and addresses that lead there are not. ``seed`` is that of
     its blocks, in place of the run's. ``params`` are the names of those of the graph and of the
     graphs around it. ``holds_copies`` tells whether it is what stands around the copies of a
-    repeated part: these, and the blocks that gather their outputs.
+    repeated part: these, and the blocks that gather their outputs. ``is_file_of_part`` tells that
+    what is outside of the outermost scope is not there, since the file of a part is checked alone.
     """
 
     prefix: str
@@ -42,8 +43,14 @@ class Scope:
     seed: int | None = None
     params: frozenset[str] = frozenset()
     holds_copies: bool = False
+    is_file_of_part: bool = False
     broken: set[str] = field(default_factory=set)
     unread: set[str] = field(default_factory=set)
+
+    @property
+    def is_graph(self) -> bool:
+        """Whether it is a whole graph, and no part."""
+        return self.parent is None and not self.is_file_of_part
 
     def names(self) -> list[str]:
         return [*self.blocks, *self.parts]
@@ -80,8 +87,11 @@ class Scope:
         is wired to it, or it has no default and may, or must not, be open."""
         declared = self.inputs.get(port)
         # An input of the whole graph that lacks a default is one error; its readers have a source.
-        is_needed = self.parent is None and declared is not None and not is_optional(declared)
-        if declared is None or not (is_needed or has_default(declared)):
+        if declared is None:
+            return ""
+        # What is wired to an input of a part from outside is not there in a check of its file.
+        is_given = self.is_file_of_part or not is_optional(declared)
+        if not ((self.parent is None and is_given) or has_default(declared)):
             return ""
         wires = self.parent.wires.get(self.name) if self.parent is not None else None
         is_wired = wires is not None and (not wires.is_map or wires.get(port) is not None)

@@ -176,3 +176,30 @@ def test_of_a_text_with_too_many_entries_no_tree_is_made(monkeypatch: pytest.Mon
         model = Model(text, Path("large.yaml"), SURROUNDINGS)
         assert model.root.items == []
         assert underlined(model, diagnose(model)[-1])
+
+
+def test_a_part_is_checked_by_itself(tmp_path: Path) -> None:
+    """Its inputs have a signal from outside; what is wrong has the names that the file uses."""
+    part = (
+        "inputs: {a: Scalar, b: {type: Scalar, optional: true}}\noutputs: {out: s.out}\n"
+        "blocks: {s: {type: Sum}, g: {type: Gain, gain: 2.0}}\n"
+        "wires: {s: {terms: [g.out, inputs.b]}, g: {input: inputs.a}}\n"
+    )
+    path = tmp_path / "p.yaml"
+    assert diagnose(Model(part, path, SURROUNDINGS)) == []
+    for old, new, message in [
+        ("inputs.a}", "inputs.aa}", "'inputs.aa' is not an input of this part, did you mean 'a'?"),
+        ("out: s.out", "out: z.out", "there is no block 'z'; inputs of the part: inputs.a, input"),
+        ("g: {input: inputs.a}", "g: {input: s.out}", "algebraic loop: "),
+        ("a: Scalar,", "a: Pose,", "expected Scalar"),
+        (
+            ", g: {input: inputs.a}",
+            "",
+            "input 'g.input' (Scalar) is not connected; outputs of that type",
+        ),
+    ]:
+        changed = part.replace(old, new)
+        assert changed != part
+        found = diagnose(Model(changed, path, SURROUNDINGS))
+        assert any(message in each.message for each in found), (new, found)
+        assert not any("p." in each.message for each in found)
