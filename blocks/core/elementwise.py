@@ -52,7 +52,7 @@ class Componentwise(Block, ABC):
 
 
 class Elementwise(Componentwise, ABC):
-    """A block whose output is ``value`` of each component of its input.
+    """A block that computes each component of its output by :meth:`of` from that of its input.
 
     Numbers, records and vectors; the two forms of ``output`` are one text for both engines.
     """

@@ -43,6 +43,10 @@ def test_the_file_that_a_key_names_reads_it(key: str) -> None:
     assert re.search(rf"\b{key}\b", text), RUN_KEYS[key].acts
 
 
+def test_each_key_has_a_wrong_value_here() -> None:
+    assert WRONG.keys() == RUN_KEYS.keys()
+
+
 @pytest.mark.parametrize("key", RUN_KEYS)
 def test_a_wrong_value_of_each_key_is_reported_at_its_place(key: str) -> None:
     value, message = WRONG[key]
