@@ -28,7 +28,7 @@ from runtime.experiments.design import (
     SeedList,
     read_experiment,
 )
-from runtime.experiments.execution import RunOptions, ablation_plan, pool_factory, sweep_plan
+from runtime.experiments.execution import RunOptions, ablation_plan, sweep_plan
 from runtime.experiments.sweeping import SweepTable, run_sweep
 from runtime.experiments.tuning import TuningTable, run_tuning, tuning_plan
 from runtime.files import slug
@@ -253,8 +253,16 @@ def _options(
     keep: str = "none",
 ) -> RunOptions:
     """How an experiment is run, from what the functions above have in common."""
-    pool = pool_factory(jobs, scheduler, timeout, checkpoint, mixed)
-    return RunOptions(target, pool, resume, keep, timeout, checkpoint=checkpoint, mixed=mixed)
+    return RunOptions(
+        folder=target,
+        resume=resume,
+        jobs=jobs,
+        scheduler=scheduler,
+        keep=keep,
+        timeout=timeout,
+        checkpoint=checkpoint,
+        mixed=mixed,
+    )
 
 
 def _table(

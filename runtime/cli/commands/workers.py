@@ -146,25 +146,20 @@ def experiment_of(options: Namespace, variants: Named = ()) -> Experiment:
 def run_options(options: Namespace, name: str) -> RunOptions:
     """How the experiment of this name is run: in which folder, by which workers."""
     from runtime.experiments.design import ON_COMMAND_LINE
-    from runtime.experiments.execution import LOST, RunOptions, pool_factory
+    from runtime.experiments.execution import LOST, RunOptions
 
     return RunOptions(
-        Path(options.out) / name,
-        pool_factory(
-            options.jobs,
-            options.scheduler,
-            options.timeout,
-            options.checkpoint,
-            mixed=options.mixed,
-            note=note_of(options),
-        ),
-        options.resume,
-        getattr(options, "keep", "none"),
-        options.timeout,
-        ON_COMMAND_LINE,
-        options.checkpoint,
-        options.mixed,
-        getattr(options, "again", (LOST,)),
+        folder=Path(options.out) / name,
+        resume=options.resume,
+        jobs=options.jobs,
+        scheduler=options.scheduler,
+        keep=getattr(options, "keep", "none"),
+        timeout=options.timeout,
+        checkpoint=options.checkpoint,
+        mixed=options.mixed,
+        again=getattr(options, "again", (LOST,)),
+        option=ON_COMMAND_LINE,
+        note=note_of(options),
     )
 
 

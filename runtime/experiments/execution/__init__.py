@@ -8,14 +8,12 @@ from blocks.lazy import door
 
 if TYPE_CHECKING:
     from runtime.experiments.execution.checksums import check_entries, write_checked
-    from runtime.experiments.execution.cluster import pool_factory
     from runtime.experiments.execution.folder import (
         DIAGRAMS,
         PLAN,
         RUNS,
         SUMMARY,
         TABLE,
-        RunOptions,
         read_plan,
         write_plan,
     )
@@ -25,6 +23,7 @@ if TYPE_CHECKING:
         Row,
         read_rows,
     )
+    from runtime.experiments.execution.options import RunOptions
     from runtime.experiments.execution.plan import (
         GRAPH,
         INDEX,

@@ -1,7 +1,6 @@
-"""The workers of a Dask cluster as an executor of trials.
+"""The workers of a Dask cluster, which run trials.
 
-In: the address of a scheduler, and the program that computes here. Out: :class:`WorkerPool`; from
-:func:`pool_factory` one of processes on this machine where there is no address.
+In: the address of a scheduler, and the program that computes here. Out: :class:`ClusterPool`.
 
 A call reaches a worker as bytes, with a function that is sent by value. A worker that lacks this
 package, or has an older one, could not even read a call otherwise: it would end itself, and the
@@ -17,16 +16,16 @@ from __future__ import annotations
 import logging
 import pickle
 import time
-from collections.abc import Callable
-from concurrent.futures import CancelledError, Executor, Future
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, Future
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from runtime.engine import silent
 from runtime.errors import MissingExtraError, UsageError
-from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit, local_pool
+from runtime.experiments.execution.worker import Task, TrialResult
+from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit
 from runtime.runs import Program
-from runtime.toolchain import processors
 
 Note = Callable[[str], None]
 
@@ -70,35 +69,45 @@ def _remote_call() -> Callable[[bytes], dict[str, Any]]:
     return call
 
 
-class ClusterExecutor(Executor):
-    """Calls of trials on the workers of a cluster, of which those that are unfit are left out.
+class ClusterPool(WorkerPool):
+    """The workers of a cluster, of which those that are unfit are left out; others may join later.
 
     Parameters
     ----------
-    client : of Dask. address : of its scheduler, for messages.
+    address : of the scheduler.
     program : what computes here. mixed : whether workers may have another one.
     note : receives that workers are waited for, or left out.
+
+    Raises
+    ------
+    MissingExtraError : dask.distributed is not installed.
+    UsageError : no scheduler answers there.
     """
 
-    def __init__(self, client: Any, address: str, program: Program, mixed: bool, note: Note):
-        self.client, self.address, self.program = client, address, program
+    most = MOST_IN_CALL
+    # The scheduler itself tries a call again whose worker died, three times by default.
+    attempts = 1
+
+    def __init__(
+        self, address: str, program: Program, mixed: bool = False, note: Note = silent
+    ) -> None:
+        self.client, self.deaths = _connect(address)
+        self.address, self.program = address, program
         self.mixed, self.note = mixed, note
-        self.workers: dict[str, _Worker] = {}
+        self.known: dict[str, _Worker] = {}
         self._call = _remote_call()
         self._began = time.monotonic()
         self._without: float | None = self._began  # since when there is no worker
         self._has_said = False
 
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Send tasks; ``fn`` is what a worker of this machine would be called with."""
-        (tasks,) = args
+    def submit(self, tasks: Sequence[Task]) -> Future[list[TrialResult]]:
         fit = self.fit()
         # Loosely: a worker that joins later may take the call of one that has left.
         chosen = {"workers": fit, "allow_other_workers": True} if fit and self._unfit() else {}
         executor = self.client.get_executor(pure=False, **chosen)
         expected = None if self.mixed else self.program
         inner = executor.submit(self._call, pickle.dumps((tasks, expected)))
-        outer: Future[Any] = Future()
+        outer: Future[list[TrialResult]] = Future()
         inner.add_done_callback(lambda done: self._pass_on(done, outer, len(tasks)))
         return outer
 
@@ -109,7 +118,7 @@ class ClusterExecutor(Executor):
         except BaseException as error:  # noqa: BLE001 -- of Dask, and of what foreign code raises
             outer.set_exception(error)
             return
-        worker = self.workers.setdefault(answer["worker"], _Worker(answer["worker"]))
+        worker = self.known.setdefault(answer["worker"], _Worker(answer["worker"]))
         worker.versions = answer["versions"]
         kind, value = answer["kind"], answer["value"]
         if kind == "results":
@@ -133,7 +142,7 @@ class ClusterExecutor(Executor):
         ------
         UsageError : no other one is left.
         """
-        worker = self.workers.setdefault(error.address, _Worker(error.address))
+        worker = self.known.setdefault(error.address, _Worker(error.address))
         if not worker.unfit:
             worker.unfit = error.reason
             self.note(f"worker {error.address} is left out: {error.reason}")
@@ -148,10 +157,10 @@ class ClusterExecutor(Executor):
         """The addresses of the workers that are there and can run trials."""
         there = self._threads()
         for address in there:
-            self.workers.setdefault(address, _Worker(address)).has_left = False
-        for address, worker in self.workers.items():
+            self.known.setdefault(address, _Worker(address)).has_left = False
+        for address, worker in self.known.items():
             worker.has_left = address not in there
-        return [address for address in there if not self.workers[address].unfit]
+        return [address for address in there if not self.known[address].unfit]
 
     def width(self) -> int:
         """The number of calls that keep all workers busy."""
@@ -172,7 +181,7 @@ class ClusterExecutor(Executor):
             return
         now = time.monotonic()
         self._without = now if self._without is None else self._without
-        left = sum(worker.has_left for worker in self.workers.values())
+        left = sum(worker.has_left for worker in self.known.values())
         since = f" ({left} left since the start)" if left else ""
         if now - self._without > LONGEST_WAIT:
             raise UsageError(
@@ -183,12 +192,17 @@ class ClusterExecutor(Executor):
             self._has_said = True
             self.note(f"waiting: no worker at {self.address}{since}")
 
+    def leave(self, finished: bool) -> None:
+        self.client.close()
+
+    def workers(self) -> int:
+        return len(self.fit())
+
     def report(self) -> list[dict[str, Any]]:
-        """What each worker was, and how many trials it has run."""
-        return [asdict(worker) for worker in self.workers.values()]
+        return [asdict(worker) for worker in self.known.values()]
 
     def _unfit(self) -> list[_Worker]:
-        return [worker for worker in self.workers.values() if worker.unfit]
+        return [worker for worker in self.known.values() if worker.unfit]
 
     def _threads(self) -> dict[str, int]:
         try:
@@ -203,16 +217,8 @@ class ClusterExecutor(Executor):
         )
 
 
-def cluster_pool(
-    address: str, program: Program, mixed: bool = False, note: Note = silent
-) -> WorkerPool:
-    """The workers of a Dask cluster; workers that join later are used as well.
-
-    Raises
-    ------
-    MissingExtraError : dask.distributed is not installed.
-    UsageError : no scheduler answers there.
-    """
+def _connect(address: str) -> tuple[Any, tuple[type[BaseException], ...]]:
+    """A client of a scheduler, and what it raises where a worker died."""
     try:
         from distributed import Client, KilledWorker
     except ImportError:
@@ -224,42 +230,4 @@ def cluster_pool(
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise UsageError(f"--scheduler {address}: no scheduler answers there: {error}") from None
-    executor = ClusterExecutor(client, address, program, mixed, note)
-    return WorkerPool(
-        executor,
-        executor.width,
-        lambda finished: client.close(),
-        (KilledWorker, CancelledError),
-        check=executor.check,
-        most=MOST_IN_CALL,
-        # The scheduler itself tries a call again whose worker died, three times by default.
-        attempts=1,
-        leave_out=executor.leave_out,
-        workers=lambda: len(executor.fit()),
-        report=executor.report,
-    )
-
-
-def pool_factory(
-    jobs: int | None,
-    scheduler: str | None,
-    timeout: float | None,
-    checkpoint: float | None = None,
-    mixed: bool = False,
-    note: Note = silent,
-) -> Callable[[Program], WorkerPool]:
-    """A function that makes a pool: a cluster's, or of processes, one per processor by default.
-
-    Raises
-    ------
-    UsageError : a cluster shall write checkpoints, which are in a folder of this machine.
-    """
-    if scheduler is not None and checkpoint is not None:
-        raise UsageError(
-            "checkpoints of trials are files of this machine, which the workers of a cluster need "
-            "not see; leave out 'checkpoint' or 'scheduler'"
-        )
-    if scheduler is not None:
-        return lambda program: cluster_pool(scheduler, program, mixed, note)
-    workers = jobs or processors()
-    return lambda program: local_pool(workers, timeout)
+    return client, (KilledWorker, CancelledError)

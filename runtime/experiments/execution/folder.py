@@ -11,8 +11,6 @@ written into it belongs to this plan alone::
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +21,7 @@ from runtime.errors import GraphError, UsageError
 from runtime.experiments.design import BASELINE, ON_COMMAND_LINE
 from runtime.experiments.execution.checksums import check_entries, with_checks
 from runtime.experiments.execution.index import Index
+from runtime.experiments.execution.options import RunOptions
 from runtime.experiments.execution.plan import (
     GRAPH,
     INDEX,
@@ -30,54 +29,13 @@ from runtime.experiments.execution.plan import (
     VARIANTS,
     ExperimentPlan,
 )
-from runtime.experiments.execution.trials import GraphBundle, Trial
-from runtime.experiments.execution.worker import LOST, Task
-from runtime.experiments.execution.worker_pool import WorkerPool
-from runtime.files import check_form, remove_tree, system_errors, write_whole
-from runtime.runs import DIAGRAM, Program
+from runtime.experiments.execution.trials import GraphBundle
+from runtime.files import check_form, system_errors, write_whole
+from runtime.runs import DIAGRAM
 
 READ_VERSIONS = (1, SCHEMA_VERSION)
 PLAN, SUMMARY = "plan.yaml", "summary.json"
 TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
-CHECKPOINTS = "checkpoints"  # of trials that have not ended
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How an experiment is run; none of this affects its numbers.
-
-    Parameters
-    ----------
-    folder : where it is written.
-    make_pool : makes the worker pool for a program, once everything else has been checked.
-    resume : whether an experiment that is there is continued.
-    keep : which trials of a sweep leave a run folder.
-    timeout : time limit of a trial in seconds.
-    option : how an option is written in messages, ``--{}`` on a command line.
-    checkpoint : the time between two checkpoints of a trial (s of the clock); None for none.
-    mixed : whether rows of another version of the program may be continued.
-    again : the statuses whose rows are removed, so that their trials run again.
-    """
-
-    folder: Path
-    make_pool: Callable[[Program], WorkerPool]
-    resume: bool = False
-    keep: str = "none"
-    timeout: float | None = None
-    option: str = "{}"
-    checkpoint: float | None = None
-    mixed: bool = False
-    again: tuple[str, ...] = (LOST,)
-
-    def task(self, trial: Trial, **how: Any) -> Task:
-        """How to run a trial; ``how`` as for :class:`Task`."""
-        every = self.checkpoint
-        checkpoints = None if every is None else (self.folder.resolve() / CHECKPOINTS, every)
-        return Task(trial, timeout=self.timeout, checkpoints=checkpoints, **how)
-
-    def remove_checkpoints(self) -> None:
-        """Remove what trials that were killed have left; all have ended."""
-        remove_tree(self.folder / CHECKPOINTS)
 
 
 def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:

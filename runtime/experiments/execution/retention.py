@@ -16,8 +16,9 @@ from typing import Any
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.execution.folder import RUNS, RunOptions
+from runtime.experiments.execution.folder import RUNS
 from runtime.experiments.execution.index import Row
+from runtime.experiments.execution.options import RunOptions
 from runtime.experiments.execution.plan import ExperimentPlan
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Task, TrialResult

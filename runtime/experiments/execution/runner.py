@@ -19,7 +19,7 @@ from itertools import islice
 
 from runtime.errors import UsageError, one_line, raised_text
 from runtime.experiments.execution.trials import Trial
-from runtime.experiments.execution.worker import LOST, Task, TrialResult, run_tasks
+from runtime.experiments.execution.worker import LOST, Task, TrialResult
 from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit
 
 # A call of several trials takes about so long: it is what the death of a worker costs at most, and
@@ -58,7 +58,7 @@ class _Sender:
                 return
 
     def send(self, trials: tuple[Trial, ...], attempt: int) -> None:
-        call = self.pool.executor.submit(run_tasks, [self.task(trial) for trial in trials])
+        call = self.pool.submit([self.task(trial) for trial in trials])
         self.running[call] = _Call(trials, attempt)
 
     def outcome(self, future: Future[list[TrialResult]]) -> Iterable[tuple[Trial, TrialResult]]:

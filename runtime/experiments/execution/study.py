@@ -20,8 +20,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from runtime.experiments.execution.folder import RunOptions, elsewhere, open_folder
+from runtime.experiments.execution.folder import elsewhere, open_folder
 from runtime.experiments.execution.index import Columns, Index, Row, check_row, remaining
+from runtime.experiments.execution.options import RunOptions
 from runtime.experiments.execution.plan import INDEX, ExperimentPlan
 from runtime.experiments.execution.retention import Retention
 from runtime.experiments.execution.runner import run_trials

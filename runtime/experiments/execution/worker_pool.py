@@ -1,17 +1,17 @@
-"""Worker pools that run trials: what the runner knows of them, and processes on this machine.
+"""Workers that run trials: what the runner knows of them, and processes on this machine.
 
-In: a number of workers. Out: :class:`WorkerPool`, which hides where its workers are::
+In: trials with how they are run. Out: a future of their results::
 
-    local_pool(4, 60.0)  ->  four processes, each trial limited to 60 s
+    LocalPool(4, 60.0).submit([task])  ->  run by one of four processes, limited to 60 s
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Executor
-from dataclasses import dataclass
+from collections.abc import Sequence
+from concurrent.futures import Future
 from typing import Any
 
+from runtime.experiments.execution.worker import Task, TrialResult, run_tasks
 from runtime.experiments.processes import ProcessExecutor, WorkerDied
 
 # A worker that was killed by chance costs its trial another try. A trial that itself ends workers,
@@ -27,54 +27,66 @@ class WorkerUnfit(Exception):  # noqa: N818 -- a state of a worker, as WorkerDie
         self.address, self.reason = address, reason
 
 
-def _leave_none_out(error: WorkerUnfit) -> None:
-    raise error
-
-
-@dataclass(frozen=True)
 class WorkerPool:
-    """An executor of trials, and how to use it.
+    """Workers, wherever they are.
 
     Parameters
     ----------
-    width : number of calls that keep all workers busy.
-    leave : ends the workers; called with True if all calls are done, else it kills them.
     deaths : exceptions of a call's future that mean that its worker died.
-    check : raises ``UsageError`` if no more calls can be run.
     most : trials in one call.
     attempts : how often a trial is sent whose worker died.
-    leave_out : sends no more calls to an unfit worker; raises ``UsageError`` if none is left.
-    workers : the number of workers.
-    report : what each worker was and has done, for the record of a start.
     """
 
-    executor: Executor
-    width: Callable[[], int]
-    leave: Callable[[bool], None]
-    deaths: tuple[type[BaseException], ...]
-    check: Callable[[], None] = lambda: None
-    most: int = 1
-    attempts: int = ATTEMPTS
-    leave_out: Callable[[WorkerUnfit], None] = _leave_none_out
-    workers: Callable[[], int] = lambda: 1
-    report: Callable[[], list[dict[str, Any]]] = list
+    deaths: tuple[type[BaseException], ...] = (WorkerDied,)
+    most = 1
+    attempts = ATTEMPTS
+
+    def submit(self, tasks: Sequence[Task]) -> Future[list[TrialResult]]:
+        """Send trials to a worker, as one call."""
+        raise NotImplementedError
+
+    def width(self) -> int:
+        """The number of calls that keep all workers busy."""
+        raise NotImplementedError
+
+    def leave(self, finished: bool) -> None:
+        """End the workers once all calls are done, or kill them."""
+        raise NotImplementedError
+
+    def workers(self) -> int:
+        """The number of workers."""
+        return 1
+
+    def check(self) -> None:
+        """Raise ``UsageError`` if no more calls can be run."""
+
+    def leave_out(self, error: WorkerUnfit) -> None:
+        """Send no more calls to an unfit worker; raises ``UsageError`` if none is left."""
+        raise error
+
+    def report(self) -> list[dict[str, Any]]:
+        """What each worker was and has done, for the record of a start."""
+        return []
 
 
-def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
-    """Workers on this machine."""
-    executor = ProcessExecutor(jobs, timeout)
+class LocalPool(WorkerPool):
+    """Processes on this machine, each trial limited to ``timeout`` (s)."""
 
-    def leave(finished: bool) -> None:
+    def __init__(self, jobs: int, timeout: float | None) -> None:
+        self.executor, self.jobs = ProcessExecutor(jobs, timeout), jobs
+
+    def submit(self, tasks: Sequence[Task]) -> Future[list[TrialResult]]:
+        return self.executor.submit(run_tasks, tasks)
+
+    def width(self) -> int:
+        # As many calls again wait, so that no worker waits for this process to record a result.
+        return 2 * self.jobs
+
+    def leave(self, finished: bool) -> None:
         if finished:
-            executor.shutdown()
+            self.executor.shutdown()
         else:
-            executor.kill()
+            self.executor.kill()
 
-    # As many calls again wait, so that no worker waits for this process to record a result.
-    return WorkerPool(
-        executor,
-        width=lambda: 2 * jobs,
-        leave=leave,
-        deaths=(WorkerDied,),
-        workers=lambda: executor.jobs,
-    )
+    def workers(self) -> int:
+        return self.executor.jobs

@@ -18,7 +18,7 @@ import pytest
 from blocks.core import pip_line
 from runtime.experiments.design import Seeds
 from runtime.experiments.execution import Configuration, Task, run_trials
-from runtime.experiments.execution.cluster import cluster_pool
+from runtime.experiments.execution.cluster import ClusterPool
 from runtime.experiments.execution.trials import GraphBundle, trials_of
 from runtime.graph import load
 from runtime.runs import program
@@ -290,7 +290,7 @@ def test_a_hundred_thousand_short_trials_need_no_more_memory_than_the_first() ->
     bundle = GraphBundle.of(load(NOISE))
     trials = trials_of([Configuration(0, (), bundle)], Seeds(((0, TRIALS - 1),)))
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
-        pool = cluster_pool(local.scheduler_address, program())
+        pool = ClusterPool(local.scheduler_address, program())
         done, means, used = 0, set(), []
         with Client(local.scheduler_address, set_as_default=False) as client:
             for _, result in run_trials(trials, pool, Task):

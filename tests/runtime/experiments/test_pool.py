@@ -11,9 +11,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,7 +23,7 @@ from runtime.errors import UsageError
 from runtime.experiments.execution.runner import run_trials
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, TrialResult
-from runtime.experiments.execution.worker_pool import WorkerPool, WorkerUnfit, local_pool
+from runtime.experiments.execution.worker_pool import LocalPool, WorkerPool, WorkerUnfit
 from runtime.experiments.processes import choice, messages, process_executor, spawner
 from runtime.experiments.processes.forkserver import ForkServer
 from runtime.experiments.processes.process_executor import ProcessExecutor, WorkerDied
@@ -434,9 +433,34 @@ class Fake(Executor):
         return future
 
 
-def pool_of(executor: Executor, width: int = 3, most: int = 1) -> WorkerPool:
-    died = (BrokenExecutor,)
-    return WorkerPool(executor, lambda: width, lambda finished: None, died, most=most)
+class FakePool(WorkerPool):
+    """Calls of a fake executor; the addresses of workers that are left out are kept."""
+
+    deaths = (BrokenExecutor,)
+
+    def __init__(self, fake: Fake, width: int, most: int) -> None:
+        self.fake, self.calls, self.most = fake, width, most
+        self.left_out: list[str] = []
+
+    def submit(self, tasks: Sequence[Task]) -> Future[list[TrialResult]]:
+        return self.fake.submit(None, tasks)
+
+    def width(self) -> int:
+        return self.calls
+
+    def leave(self, finished: bool) -> None:
+        pass
+
+
+class PoolOfMany(FakePool):
+    """One that goes on without a worker that is unfit."""
+
+    def leave_out(self, error: WorkerUnfit) -> None:
+        self.left_out.append(error.address)
+
+
+def pool_of(fake: Fake, width: int = 3, most: int = 1) -> FakePool:
+    return FakePool(fake, width, most)
 
 
 def test_trials_are_taken_as_workers_become_free() -> None:
@@ -522,7 +546,7 @@ def test_a_time_out_is_an_answer() -> None:
 
 
 def test_a_local_pool_finishes_and_ends() -> None:
-    made = local_pool(1, None)
+    made = LocalPool(1, None)
     future = made.executor.submit(os.getpid)
     wait([future])
     made.leave(True)
@@ -563,19 +587,18 @@ def test_trials_whose_worker_died_come_last() -> None:
 
 def test_a_pool_that_tries_calls_again_itself_gives_a_trial_one_attempt() -> None:
     fake = Fake(lambda task, tries: BrokenExecutor("gone"))
-    pool = replace(pool_of(fake), attempts=1)
+    pool = pool_of(fake)
+    pool.attempts = 1
     [(_, done)] = run_trials(map(trial, range(1)), pool, Task)
     assert (done.status, done.reason) == ("lost", "its worker died: gone")
     assert fake.tries == {0: 1}
 
 
 def test_a_trial_of_an_unfit_worker_goes_to_another_one() -> None:
-    left_out = []
-
     def answer(task: Task, tries: int) -> Any:
         return WorkerUnfit("tcp://a:1", "no module") if tries == 1 else TrialResult("ok")
 
-    pool = replace(pool_of(Fake(answer)), leave_out=lambda error: left_out.append(error.address))
+    pool = PoolOfMany(Fake(answer), 3, 1)
     ended = dict(run_trials(map(trial, range(4)), pool, Task))
     assert {done.status for done in ended.values()} == {"ok"}
-    assert left_out == ["tcp://a:1"] * 4
+    assert pool.left_out == ["tcp://a:1"] * 4

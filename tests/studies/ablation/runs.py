@@ -14,9 +14,8 @@ from runtime.experiments.analysis import failed_value
 from runtime.experiments.design.experiment import Experiment, read_experiment
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import check_variants
-from runtime.experiments.execution.folder import RunOptions
+from runtime.experiments.execution import RunOptions
 from runtime.experiments.execution.plan import ablation_plan
-from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
 from runtime.graph import Graph
 from runtime.terminal import Progress
 from tests.studies.following import ENGINE, WORKERS
@@ -101,7 +100,7 @@ def measure(
     if chosen is None:
         raise UsageError(f"{experiment.name}: there are no seeds")
     plan = ablation_plan(replace(experiment, entries=replace(experiment.entries, seeds=chosen)))
-    options = RunOptions(folder / plan.name, lambda _: _pool(jobs), resume=True)
+    options = RunOptions(folder / plan.name, resume=True, jobs=jobs)
     done = run_ablation(plan, options, Progress(plan.name))
     if done.is_interrupted:
         raise KeyboardInterrupt
@@ -120,7 +119,3 @@ def measure(
         if row.status != "ok"
     )
     return Measured(values, tuple(chosen), broken)
-
-
-def _pool(jobs: int) -> WorkerPool:
-    return local_pool(jobs, None)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from runtime.engine import silent
 from runtime.experiments.design import read_experiment
-from runtime.experiments.execution import RunOptions, pool_factory
+from runtime.experiments.execution import RunOptions
 from runtime.experiments.tuning import contest_plans, run_contest
 from runtime.terminal import Progress
 from tests.studies.comparison import costs, judge, plan, register, rows
@@ -81,8 +81,7 @@ def _run(task: str, name: str, options: argparse.Namespace) -> int:
         values = None if tuning is None else rows.entered(tuned, name, tuning)
         file = plan.write(task, options.out / "files", name, values, tuning)
         experiment = read_experiment(str(file))
-        pool = pool_factory(options.jobs, None, None)
-        to = RunOptions(options.out / task, pool, True)
+        to = RunOptions(options.out / task, resume=True, jobs=options.jobs)
         if run_contest(task, contest_plans(experiment, silent), to, _quiet).is_interrupted:
             return 130
     return 0
