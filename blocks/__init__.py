@@ -11,8 +11,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from blocks.index import OTHERS, TYPES
-from blocks.lazy import door
+from blocks.library.index import OTHERS, TYPES
+from blocks.library.lazy import door
 
 if TYPE_CHECKING:
     # "as" exports a name to those who check their types strictly.
@@ -61,7 +61,7 @@ if not TYPE_CHECKING:
         if name in _ROOMS:
             return importlib.import_module(f"blocks.{name}")
         if name not in __all__ and not name.startswith("_"):
-            from blocks.registry import BUILTIN
+            from blocks.library.registry import BUILTIN
 
             if name in BUILTIN:  # of a bridge
                 return BUILTIN[name]

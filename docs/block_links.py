@@ -14,7 +14,7 @@ from docutils import nodes
 from equations import LEFT, pieces
 from sphinx.application import Sphinx
 
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 
 
 def link_blocks(app: Sphinx, tree: nodes.document, page: str) -> None:

@@ -12,9 +12,9 @@ from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 
 from blocks.core import Block
-from blocks.lazy import exports
+from blocks.library.lazy import exports
+from blocks.library.registry import BUILTIN
 from blocks.limits import TABLE
-from blocks.registry import BUILTIN
 from docs.expressions_page import expressions_page
 from docs.public_api import listing
 from runtime.cli.shipped import shipped
@@ -208,7 +208,7 @@ def schema_file() -> str:
 
 
 def index_file() -> str:
-    """The text of blocks/index.py: where the names of the rooms' doors are, types apart."""
+    """The text of blocks/library/index.py: where the names of the rooms' doors are, types apart."""
     types, others = "", ""
     for room in ("", *ROOMS):
         door = importlib.import_module(f"blocks.{room}".rstrip("."))
@@ -248,7 +248,7 @@ def _with_table(page: str, head: tuple[str, ...], rows: Iterable[tuple[object, .
 def main() -> int:
     """Write what is generated."""
     docs = Path(__file__).parent
-    index, text = docs.parent / "blocks" / "index.py", index_file()
+    index, text = docs.parent / "blocks" / "library" / "index.py", index_file()
     if index.read_text(encoding="utf-8") != text:
         index.write_text(text, encoding="utf-8")
         # This process has imported the index as it was, with a room that is gone.

@@ -52,7 +52,7 @@ def _check_blocks() -> None:
 
 # Before the first import of ours that another package 'blocks' does not have.
 _check_blocks()
-from blocks.lazy import door  # noqa: E402
+from blocks.library.lazy import door  # noqa: E402
 
 if TYPE_CHECKING:
     from runtime.checking import CheckError, NotCompiledWarning, check_block

@@ -17,7 +17,7 @@ from runtime.errors import UsageError
 from runtime.terminal import show
 
 if TYPE_CHECKING:
-    from blocks.extensions import Registry
+    from blocks.library.extensions import Registry
 
 T = TypeVar("T")
 RARE = "rare options"
@@ -149,7 +149,7 @@ def chosen(registry: Registry[T], name: str, what: str) -> T:
     UsageError : there is none, or the package that offers it is broken.
     """
     from blocks.core import hint
-    from blocks.extensions import BrokenPackageError
+    from blocks.library.extensions import BrokenPackageError
 
     try:
         found = registry.find(name)

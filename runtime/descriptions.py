@@ -21,8 +21,8 @@ import numpy as np
 
 from blocks.core import Block, Input, Output, Param, Setting, Variant
 from blocks.files import opened
+from blocks.library.registry import BLOCKS, blocks_of_module, is_built_in
 from blocks.limits import MODULE
-from blocks.registry import BLOCKS, blocks_of_module, is_built_in
 from runtime.errors import UsageError, raised_text
 from runtime.terminal import table
 
@@ -62,7 +62,7 @@ def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
         room = sys.modules.get(f"{top}.{rest[0]}") if rest and is_built_in(cls) else None
         about = _first_line(room.__doc__).rstrip(".") if room is not None else ""
         family = f"{rest[0]}: {about}" if about else top
-        # Modules of a user's files get hidden names (blocks.registry).
+        # Modules of a user's files get hidden names (blocks.library.registry).
         families_by_room.setdefault("your own" if family.startswith("_") else family, []).append(
             name
         )

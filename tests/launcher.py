@@ -108,7 +108,7 @@ class Launcher:
 
 def serve(number: int) -> None:
     """Run each command that arrives on a socket in a fork, until the other end is closed."""
-    exports = importlib.import_module("blocks.lazy").exports
+    exports = importlib.import_module("blocks.library.lazy").exports
     for name in PRELOADED:
         with contextlib.suppress(ImportError):
             module = importlib.import_module(name)

@@ -20,12 +20,10 @@ CORE, BRIDGES = ("blocks", "runtime"), "spikeblocks"
 # The most lines of code that a room may have. A number that is raised needs its reason beside it.
 BUDGETS: dict[str, int] = {
     "blocks/foreign.py": 40,
-    "blocks/index.py": 200,
     "blocks/limits.py": 70,
     "blocks/messages.py": 120,
-    "blocks/extensions.py": 180,
     "blocks/files.py": 140,
-    "blocks/lazy.py": 40,
+    "blocks/library": 530,
     "blocks/core": 4050,
     "blocks/dynamics": 2150,
     "blocks/generic": 850,
@@ -38,7 +36,6 @@ BUDGETS: dict[str, int] = {
     "blocks/control": 2050,
     "blocks/vehicle": 750,
     "blocks/wall_fitting": 1550,
-    "blocks/registry.py": 110,
     "blocks/__init__.py": 60,
     "runtime/codegen": 4200,
     "runtime/errors.py": 120,

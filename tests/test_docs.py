@@ -20,7 +20,7 @@ import pytest
 
 import blocks
 import runtime
-from blocks.registry import blocks_of_module
+from blocks.library.registry import blocks_of_module
 from docs.describe import blocks_pages, gallery_page, observing_page, with_run_keys
 from docs.expressions_page import expressions_page
 from runtime.cli.shipped import RUNNABLE, shipped

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from docs.equations import ALWAYS, FUNCTIONS, GREEK, LEFT, pieces
 
 LETTERS = {value: key for key, value in GREEK.items()}

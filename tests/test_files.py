@@ -14,7 +14,7 @@ TEMPORARY = "files in a temporary folder that it has just made"
 EXCEPTIONS = {
     "blocks.files": "the way to read a file",
     "blocks.core.extras": "read_text of importlib.metadata",
-    "blocks.lazy": OWN,
+    "blocks.library.lazy": OWN,
     "runtime.files": "the way to write a file",
     "runtime.streaming": "writes an archive into a file that its caller opened, or to a new folder",
     "runtime.engine.recorder": "rows of a run, appended in its own hidden folder",

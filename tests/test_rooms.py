@@ -24,14 +24,14 @@ BRIDGES = tuple(
 # Bottom floor first. A room may import from its own files and from floors below; rooms on one floor
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
-    ("blocks.foreign", "blocks.index", "blocks.limits", "blocks.messages"),
-    ("blocks.extensions", "blocks.files", "blocks.lazy"),
+    ("blocks.foreign", "blocks.library.index", "blocks.limits", "blocks.messages"),
+    ("blocks.library.extensions", "blocks.files", "blocks.library.lazy"),
     ("blocks.core",),
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sensors", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting",),
-    ("blocks.registry",),
+    ("blocks.library.registry",),
     ("blocks",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen", "runtime.solvers"),
     ("runtime.files",),
@@ -85,8 +85,8 @@ BY_NAME = ("import_module", "__import__")
 COMPUTED = {
     "blocks": "one of its rooms",
     "blocks.core.extras": "an optional package of others",
-    "blocks.extensions": "an entry of the library's own, counted as strings; of index.py",
-    "blocks.lazy": "what the text of a door imports for type checkers",
+    "blocks.library.extensions": "an entry of the library's own, counted as strings; of index.py",
+    "blocks.library.lazy": "what the text of a door imports for type checkers",
     "runtime.plots.painters": "a function of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
     "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",

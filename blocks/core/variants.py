@@ -11,7 +11,7 @@ from blocks.core.hints import alternatives, misspelt
 from blocks.core.params import plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
-from blocks.extensions import BrokenPackageError, Registry
+from blocks.library.extensions import BrokenPackageError, Registry
 from blocks.messages import message_of
 
 # How a graph names a class that is not the library's.

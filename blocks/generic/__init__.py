@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.lazy import door
+from blocks.library.lazy import door
 
 if TYPE_CHECKING:
     from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled

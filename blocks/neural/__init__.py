@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.lazy import door
+from blocks.library.lazy import door
 
 # At once: a neuron's model is looked up by its name among those that are imported.
 from blocks.neural.lif import LIF, AdaptiveLIF, AdaptiveLIFRate, LIFRate

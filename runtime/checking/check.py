@@ -18,7 +18,7 @@ from blocks.core import (
     SignalType,
     hint,
 )
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.checking.bench import OUTSIDE, Bench, CheckError
 from runtime.compiler import refusals
 from runtime.errors import raised_text

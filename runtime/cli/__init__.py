@@ -20,7 +20,7 @@ from textwrap import indent
 from types import FrameType
 from typing import NoReturn, TextIO
 
-from blocks.extensions import BrokenPackageError
+from blocks.library.extensions import BrokenPackageError
 from runtime.cli.commands import VERBS, Verb, groups_of
 from runtime.cli.parser import Parser, examples
 from runtime.cli.problems import report

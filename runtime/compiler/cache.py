@@ -27,8 +27,8 @@ import numpy as np
 import blocks
 from blocks.core import Block, BlockState, SignalType
 from blocks.files import read
+from blocks.library.registry import is_built_in
 from blocks.limits import MODULE
-from blocks.registry import is_built_in
 from runtime import codegen
 from runtime.codegen import CFunction, Source
 from runtime.compiler.fields import WRITTEN, Fields, NotCompilableError

@@ -26,7 +26,7 @@ from blocks.core import (
     Evaluation,
     SignalType,
 )
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.codegen import FLOAT, Array, CFunction, Entry, RefusedError, Source, Tuple, Type, apart
 from runtime.compiler.cache import Records, salt, source_of, translation
 from runtime.compiler.fields import Fields, NotCompilableError, written

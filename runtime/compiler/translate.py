@@ -27,7 +27,7 @@ import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
 from blocks.core.polynomials import any_order, exponent_of, power_of_two
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.codegen import ANY_ORDER, Function, Source, unknown_call
 from runtime.compiler.fields import (
     Attribute,

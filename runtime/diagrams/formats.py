@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
 from runtime.arguments import chosen
 from runtime.diagrams.paint import draw
 from runtime.diagrams.picture import DETAILS, picture_of

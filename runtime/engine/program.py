@@ -13,7 +13,7 @@ from functools import cached_property
 from types import CodeType
 
 from blocks.core import Block, BlockContext
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.engine.naming import Names, names_of
 from runtime.engine.python_text import PythonText
 from runtime.engine.recorder import buffer_rows, buffered, growing_rows

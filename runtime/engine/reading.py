@@ -15,7 +15,7 @@ from functools import lru_cache
 from types import CodeType
 from typing import Any
 
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.engine.engine import Engine
 from runtime.engine.naming import Names
 from runtime.engine.program import FILENAME

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blocks.core import BlockState, FloatArray
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.engine.events import BEFORE, MEMORY, SEARCH
 from runtime.engine.loops import memory_shape
 from runtime.engine.program import Program

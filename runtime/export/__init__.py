@@ -9,7 +9,7 @@ gets the C of a whole graph from ``make_layout``, ``header`` and ``source``.
 
 from typing import TYPE_CHECKING
 
-from blocks.lazy import door
+from blocks.library.lazy import door
 
 if TYPE_CHECKING:
     from runtime.export.controller import Exported, about, export, make_layout, make_units

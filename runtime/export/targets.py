@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
 from runtime.arguments import at_least
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blocks.core import Block, SignalType
-from blocks.registry import Modules, is_built_in
+from blocks.library.registry import Modules, is_built_in
 from runtime.document import Node, Override, without_unused
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
 from runtime.network import BlockCache, Network, build

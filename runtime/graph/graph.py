@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from blocks.core import Block, SignalType
-from blocks.registry import BUILTIN, Modules, block_texts
+from blocks.library.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
     Node,
     Override,

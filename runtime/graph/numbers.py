@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blocks.core import Block, BlockContext, state_shape
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.document import Node, Value, from_python, full_path, is_part
 from runtime.errors import Where
 from runtime.network import BLOCK_KEYS, Network, parameters_of

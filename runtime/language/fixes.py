@@ -10,8 +10,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from blocks.library.registry import BUILTIN
 from blocks.messages import AddEntry, BypassBlock, Fix, InsertBlock, RemoveEntry, Replace
-from blocks.registry import BUILTIN
 from runtime.language.cursor import steps
 from runtime.language.diagnostics import Diagnostic, diagnose
 from runtime.language.insertion import Edit, add_entry, add_name, remove_entry

@@ -22,8 +22,8 @@ from typing import Any, ClassVar
 
 from blocks.core import Block, BlockContext, DeclarationError, ParameterError, SignalType
 from blocks.files import read
+from blocks.library.registry import ModuleReader, PendingModuleError
 from blocks.limits import MODULE
-from blocks.registry import ModuleReader, PendingModuleError
 from runtime.language.module_worker import pack, receive, send
 
 IMPORT_SECONDS = 20.0
@@ -261,13 +261,13 @@ class Isolation:
         return ModuleReader(self.blocks, self.signal_types)
 
     def blocks(self, file: Path) -> Mapping[str, type[Block]]:
-        """The block types of a file, as :func:`blocks.registry.blocks_of_module`."""
+        """The block types of a file, as :func:`blocks.library.registry.blocks_of_module`."""
         worker = self.worker(file)
         worker.wait_until_loaded(self.patience)
         return worker.classes
 
     def signal_types(self, file: Path) -> list[SignalType]:
-        """The signal types of a file, as :func:`blocks.registry.types_of_module`."""
+        """The signal types of a file, as :func:`blocks.library.registry.types_of_module`."""
         worker = self.worker(file)
         worker.wait_until_loaded(self.patience)
         return worker.signal_types

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from blocks.core import Block, GraphInput, Param
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.descriptions import describe_markdown, param_row, summary
 from runtime.document import (
     EXAMPLES,

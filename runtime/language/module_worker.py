@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from blocks.core import REQUIRED, Block, BlockSpec, ParameterError, SignalType
-from blocks.registry import blocks_of_module, types_of_module
+from blocks.library.registry import blocks_of_module, types_of_module
 from runtime.errors import raised_at, text_of
 
 _LENGTH = struct.Struct(">Q")

@@ -27,7 +27,7 @@ from pathlib import Path
 
 from blocks.core import Block
 from blocks.files import read_text
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.document import name_problem
 from runtime.errors import UsageError
 from runtime.language.items import YamlItem, deepest

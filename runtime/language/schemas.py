@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from blocks.core import TYPES, Block, GraphInput, Param, Variant
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from runtime.descriptions import param_row, summary
 from runtime.document import PART_SECTIONS, RUN_KEYS, SECTIONS
 from runtime.experiments.design import KEYS, PLAN_KEYS

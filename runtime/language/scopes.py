@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from blocks.core import Block, PortType, SignalType
-from blocks.registry import BLOCKS, BUILTIN
+from blocks.library.registry import BLOCKS, BUILTIN
 from runtime.document import PART_SECTIONS, Node
 from runtime.language.model import Model
 from runtime.language.offers import matches

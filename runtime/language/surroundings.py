@@ -15,8 +15,8 @@ from pathlib import Path
 
 from blocks.core import Block
 from blocks.files import read_text
+from blocks.library.registry import Modules
 from blocks.limits import GRAPH_FILE
-from blocks.registry import Modules
 from runtime.document import Node, complete_document, find_file, parse_yaml
 from runtime.errors import NOWHERE, GraphError, MissingExtraError, Problem, Where
 from runtime.graph import Graph

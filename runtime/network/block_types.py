@@ -23,11 +23,9 @@ from blocks.core import (
     misspelt,
     similar,
 )
-from blocks.extensions import BrokenPackageError
 from blocks.files import opened
-from blocks.limits import MODULE
-from blocks.messages import Message
-from blocks.registry import (
+from blocks.library.extensions import BrokenPackageError
+from blocks.library.registry import (
     BLOCKS,
     BUILTIN,
     ModuleReader,
@@ -36,6 +34,8 @@ from blocks.registry import (
     objects_of_module,
     variants_of_module,
 )
+from blocks.limits import MODULE
+from blocks.messages import Message
 from runtime.document import Node, section
 from runtime.errors import Problems, UsageError, raised_at, raised_text
 from runtime.network.other_names import ours_for

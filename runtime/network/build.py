@@ -28,8 +28,8 @@ from blocks.core import (
     similar,
     unknown_parameter,
 )
+from blocks.library.registry import ModuleReader, Modules
 from blocks.messages import Message, Note, Replace
-from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import Node, read_run, read_seed, read_title, section
 from runtime.errors import MissingExtraError, Problems

@@ -24,8 +24,8 @@ from blocks.core import (
     state_lengths,
     state_shape,
 )
+from blocks.library.registry import is_built_in
 from blocks.messages import Note
-from blocks.registry import is_built_in
 from runtime.errors import Problems, raised_text
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network, NetworkEntry, place_of

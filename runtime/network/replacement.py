@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 
 from blocks.core import Block, ParameterError, hint, misspelt
 from blocks.files import resolved
+from blocks.library.registry import Modules
 from blocks.messages import Note
-from blocks.registry import Modules
 from runtime.document import Node, is_part, set_entry
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class

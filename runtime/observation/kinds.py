@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 from blocks.core import misspelt
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
+from blocks.library.registry import Modules
 from blocks.messages import Message
-from blocks.registry import Modules
 from runtime.document import Node, check_keys, misspelt_keys
 from runtime.errors import Problems
 from runtime.network import own_object

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, param
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
 from blocks.world import World
 from runtime.document import in_time
 from runtime.observation import (

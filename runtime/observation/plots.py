@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Options, plain
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
 from runtime.network import Network
 from runtime.observation.kinds import NEEDS_WORLD
 from runtime.observation.plot_options import (

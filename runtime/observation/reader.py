@@ -15,9 +15,9 @@ from functools import partial
 from typing import Any
 
 from blocks.core import SettingError, misspelt
+from blocks.library.registry import Modules
 from blocks.messages import Note
 from blocks.neural import Synapse
-from blocks.registry import Modules
 from runtime.document import (
     SECTIONS,
     Node,

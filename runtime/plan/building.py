@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from blocks.core import Evaluation
-from blocks.registry import is_built_in
+from blocks.library.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
 from runtime.plan.coupling import Coupling

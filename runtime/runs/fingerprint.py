@@ -19,10 +19,10 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from blocks.extensions import OURS
 from blocks.files import read
+from blocks.library.extensions import OURS
+from blocks.library.registry import block_texts
 from blocks.limits import MODULE
-from blocks.registry import block_texts
 from runtime.errors import UsageError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ names it.
 
 from typing import TYPE_CHECKING
 
-from blocks.lazy import door
+from blocks.library.lazy import door
 
 if TYPE_CHECKING:
     from spikeblocks.nengo.simulator import Simulator

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from blocks.core import FloatArray
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
 from runtime.errors import MissingExtraError, UsageError
 from runtime.files import is_number
 from spikeblocks.robot import frames

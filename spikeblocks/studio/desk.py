@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from blocks.core import plain
-from blocks.registry import BUILTIN, Modules
+from blocks.library.registry import BUILTIN, Modules
 from runtime.diagrams import diagram
 from runtime.document import SHIPPED, Node
 from runtime.errors import SpikeblocksError, UsageError

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 from blocks.core import Block
-from blocks.extensions import BrokenPackageError, Registry
 from blocks.generic import Sum
+from blocks.library.extensions import BrokenPackageError, Registry
 from tests.conftest import Run
 
 GROUP = "spikeblocks.blocks"

@@ -26,7 +26,7 @@ from blocks import (
     UnitDelay,
 )
 from blocks.core import retune, started
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from runtime.checking.bench import Bench
 from runtime.checking.check import context_for
 from runtime.compiler import NotCompilableError, calls_of, make_kernel

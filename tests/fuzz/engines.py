@@ -20,8 +20,8 @@ import runtime
 from blocks.core.block import Block
 from blocks.core.params import ParameterError
 from blocks.core.signals import Pose, Same, Scalar, SignalType, Twist
-from blocks.index import TYPES
-from blocks.registry import BUILTIN
+from blocks.library.index import TYPES
+from blocks.library.registry import BUILTIN
 from runtime.document.node import dump_yaml
 from runtime.errors import GraphError, SimulationError
 from runtime.solvers import SOLVERS

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from blocks.core.block import Block, Evaluation
 from blocks.core.signals import PortType, Same
-from blocks.index import TYPES
-from blocks.registry import BUILTIN
+from blocks.library.index import TYPES
+from blocks.library.registry import BUILTIN
 from tests.fuzz import engines
 from tests.fuzz.campaign import Record, campaign
 

@@ -14,7 +14,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
-from blocks.extensions import Registry
+from blocks.library.extensions import Registry
 
 
 @runtime_checkable

@@ -33,7 +33,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Print all block types, or one."""
-    from blocks.registry import BLOCKS
+    from blocks.library.registry import BLOCKS
     from runtime.descriptions import (
         describe_json,
         describe_text,
@@ -52,7 +52,7 @@ def run(options: Namespace) -> int:
             tell(f"note: {line}")
     if options.type is not None and options.type not in known:
         from blocks.core import hint
-        from blocks.extensions import BrokenPackageError
+        from blocks.library.extensions import BrokenPackageError
         from runtime.network import ours_for
 
         try:

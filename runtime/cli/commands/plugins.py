@@ -10,7 +10,7 @@ from runtime.arguments import add_json
 from runtime.terminal import show, show_json, table, tell
 
 if TYPE_CHECKING:
-    from blocks.extensions import Registry
+    from blocks.library.extensions import Registry
 
 HELP = "list what installed packages offer: blocks, metrics, verbs, ..."
 EXAMPLES = """
@@ -19,7 +19,7 @@ runtime plugins --json
 """
 # Every registry: what its entries are, and where it is.
 REGISTRIES = {
-    "blocks": ("types of blocks", "blocks.registry:BLOCKS"),
+    "blocks": ("types of blocks", "blocks.library.registry:BLOCKS"),
     "neurons": ("neuron models of an Ensemble", "blocks.neural:NeuronModel.members"),
     "solvers": ("solvers of decoders", "blocks.neural:DecoderSolver.members"),
     "metrics": ("kinds of metrics", "runtime.observation:METRIC_KINDS"),
@@ -37,7 +37,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Print one line for each offer; exit code 1 if one cannot be used."""
-    from blocks.extensions import PREFIX
+    from blocks.library.extensions import PREFIX
 
     offers, failures = _every()
     if options.json:
@@ -67,7 +67,7 @@ def registry(name: str) -> Registry[Any]:
 def _every() -> tuple[list[dict[str, str]], list[str]]:
     """What packages offer that can be used, and one line for each that cannot."""
     from blocks.core import hint
-    from blocks.extensions import PREFIX, groups
+    from blocks.library.extensions import PREFIX, groups
 
     offers, failures = [], []
     for name in REGISTRIES:

@@ -30,7 +30,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 
 from blocks.core import FloatArray
-from blocks.registry import blocks_of_module
+from blocks.library.registry import blocks_of_module
 from runtime.document import parse_scalar, parse_yaml, rename_files, with_folder
 from runtime.errors import GraphError, SimulationError, one_line, text_of
 from runtime.experiments.design import Objective, shown_probe

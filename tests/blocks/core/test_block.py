@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import blocks
 from blocks import Block, DeclarationError, FloatArray, ParameterError, State, param
 from blocks.core.params import plain as written
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from tests.blocks.direct import REQUIRED, state_of
 
 SQUARE = REQUIRED["WaypointPath"]["points"]

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import blocks
-from blocks import index
-from blocks.registry import BUILTIN, blocks_of_module
+from blocks.library import index
+from blocks.library.registry import BUILTIN, blocks_of_module
 from docs.describe import ROOMS, index_file
 
 SOURCE = '''
@@ -44,7 +44,7 @@ def test_every_built_in_block_can_be_imported_by_its_name() -> None:
 
 def test_the_index_is_what_the_doors_export() -> None:
     rooms = {path.parent.name for path in Path(blocks.__file__).parent.glob("*/__init__.py")}
-    assert {*ROOMS, "core"} == rooms
+    assert {*ROOMS, "core", "library"} == rooms
     assert Path(index.__file__).read_text(encoding="utf-8") == index_file(), (
         "python -m docs.describe writes it again"
     )
@@ -52,7 +52,7 @@ def test_the_index_is_what_the_doors_export() -> None:
 
 def test_a_name_that_the_index_lacks_is_found_in_the_text_of_its_door() -> None:
     code = """if True:
-        from blocks import index
+        from blocks.library import index
         del index.TYPES["Gain"], index.OTHERS["scaled"], index.OTHERS["param"]
         from blocks.generic import Gain, scaled
         print(Gain.__module__, scaled.__module__)

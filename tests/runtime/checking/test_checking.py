@@ -30,8 +30,8 @@ from blocks import (
     Vector,
     param,
 )
-from blocks.index import TYPES
-from blocks.registry import BUILTIN, blocks_of_module
+from blocks.library.index import TYPES
+from blocks.library.registry import BUILTIN, blocks_of_module
 from blocks.world.world import World
 from runtime import CheckError, NotCompiledWarning, check_block
 from tests.blocks.direct import REQUIRED

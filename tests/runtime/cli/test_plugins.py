@@ -206,6 +206,6 @@ def test_own_verbs_are_found_without_looking_at_packages(monkeypatch: pytest.Mon
     def fail() -> None:
         raise AssertionError("looked at packages")
 
-    monkeypatch.setattr("blocks.extensions._installed", fail)
+    monkeypatch.setattr("blocks.library.extensions._installed", fail)
     for name in VERBS.lazy:
         assert VERBS.find(name) is not None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from runtime.descriptions import forms, settings, variants
 from tests.conftest import Run
 

@@ -26,8 +26,8 @@ from blocks import (
     Vector,
 )
 from blocks.generic.mathematics import COMPARISONS, LOGIC
-from blocks.index import TYPES
-from blocks.registry import BUILTIN
+from blocks.library.index import TYPES
+from blocks.library.registry import BUILTIN
 from blocks.vehicle.contact import slide
 from blocks.world.lidar import bearings
 from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel

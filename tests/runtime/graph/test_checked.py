@@ -8,7 +8,7 @@ import pytest
 
 import runtime
 from blocks import Pose
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from runtime.errors import GraphError
 from runtime.graph import WireInfo
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from blocks.library.registry import BUILTIN
 from blocks.neural.decoder_solvers import DecoderSolver
 from blocks.neural.neurons import NeuronModel
-from blocks.registry import BUILTIN
 from runtime.document import RUN_KEYS, SECTIONS, parse_yaml
 from runtime.language import complete, hover
 from runtime.language.settings import forms_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import runtime
-from blocks.registry import BUILTIN
+from blocks.library.registry import BUILTIN
 from runtime.network.other_names import _NAMES, ours_for
 
 

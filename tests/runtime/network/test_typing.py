@@ -11,8 +11,8 @@ import pytest
 
 import blocks
 import runtime
-from blocks.index import TYPES
-from blocks.registry import BUILTIN
+from blocks.library.index import TYPES
+from blocks.library.registry import BUILTIN
 from runtime.errors import GraphError
 from tests.compilers import skip_without_compiler
 

@@ -29,7 +29,7 @@ def test_what_computes_is_part_of_it_and_what_presents_is_not(tmp_path: Path) ->
     assert fingerprint(tmp_path) == str(program())
     changed = tmp_path / "runtime" / "cli" / "commands" / "run.py"
     changed.write_text(changed.read_text() + "\n# A comment.\n")
-    windows = tmp_path / "blocks" / "registry.py"
+    windows = tmp_path / "blocks" / "library" / "registry.py"
     windows.write_bytes(windows.read_bytes().replace(b"\n", b"\r\n"))
     assert fingerprint(tmp_path) == str(program())
     header = next((tmp_path / "runtime" / "codegen").glob("*.h"))

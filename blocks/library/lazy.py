@@ -19,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from blocks.index import OTHERS, TYPES
+from blocks.library.index import OTHERS, TYPES
 
 
 def door(package: str) -> Callable[[str], Any]:

@@ -13,9 +13,9 @@ from types import ModuleType
 from typing import TypeVar
 
 from blocks.core import Block, GraphInput, SignalType, Variant
-from blocks.extensions import PREFIX, Registry
 from blocks.files import read
-from blocks.index import TYPES
+from blocks.library.extensions import PREFIX, Registry
+from blocks.library.index import TYPES
 from blocks.limits import MODULE
 
 _T = TypeVar("_T")
