@@ -5,8 +5,8 @@ processor and the number of threads; what enters a simulation or a metric uses t
 
     gain = solve(r + product(product(b.T, p), b), product(product(b.T, p), a))
 
-Each function stands here once with its kernel, which is the same in loops. ``small_product`` and
-``small_eliminate`` are such kernels that blocks also call by name: for matrices of two or three
+A function whose NumPy is not compiled has a kernel, which is the same in loops. ``small_product``
+and ``small_eliminate`` are such kernels that blocks also call by name: for matrices of two or three
 rows, loops cost Python no more than NumPy's calls, and both engines then round alike; so they do in
 ``small_times``.
 """
@@ -40,15 +40,6 @@ def small_times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     out = np.zeros(len(matrix))
     for j in range(len(vector)):
         out += matrix[:, j] * vector[j]
-    return out
-
-
-@kernel_of(small_times)
-def _small_times_kernel(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    out = np.zeros(len(matrix))
-    for i in range(len(matrix)):
-        for j in range(len(vector)):
-            out[i] += matrix[i, j] * vector[j]
     return out
 
 
@@ -97,15 +88,6 @@ def transposed(a: FloatArray) -> FloatArray:
     Not a view: NumPy sums a product in an order that depends on how its operands lie in memory.
     """
     return a.T.copy()
-
-
-@kernel_of(transposed)
-def _transposed_kernel(a: FloatArray) -> FloatArray:
-    out = np.empty((a.shape[1], a.shape[0]))
-    for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            out[j, i] = a[i, j]
-    return out
 
 
 def kron(a: FloatArray, b: FloatArray) -> FloatArray:

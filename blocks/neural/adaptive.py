@@ -26,16 +26,13 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.polynomials import any_order, expm1
+from blocks.core.polynomials import any_order
 from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
 from blocks.neural.lif import (
     lif_rate_step,
     lif_step,
     lif_steps,
-    marked,
-    risen,
-    wake_and_spike,
 )
 from blocks.neural.rules import follow, pes_step, smooth
 from blocks.neural.stacks import LearnerStack
@@ -295,34 +292,8 @@ class AdaptiveEnsemble(LearningEnsemble):
         flush(state.activity)
         flush(state.weights)
 
-    # As LearningEnsemble's, with encoding, the common part of a step and the synapse in one pass.
-    @kernel_of(LearningEnsemble.update)
-    def _update_kernel(
-        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
-    ) -> None:
-        current, activity, spikes = state.current, state.activity, state.spikes
-        voltage, refractory, dt = state.voltage, state.refractory, state.dt
-        first, offset, fade = state.encoder_rows[0], state.offset, state.fade
-        n, full = len(current), expm1(np.divide(-dt, state.constants[0]))
-        floor = state.constants[2]
-        if len(input) > 1:
-            add_up(current, state.encoder_rows, input)
-        marks = np.empty(n, dtype=np.int64)
-        for i in any_order(n):
-            drive = (current[i] if len(input) > 1 else first[i] * input[0]) + offset[i]
-            left = refractory[i] - dt
-            v = risen(voltage[i], drive, full if left <= 0.0 else 0.0, floor)
-            current[i], refractory[i], voltage[i], spikes[i] = drive, left, v, 0.0
-            activity[i] *= fade
-            marks[i] = marked(v, left, dt)
-        few = wake_and_spike(dt, current, spikes, voltage, refractory, state.constants, marks)
-        for j in range(len(few)):
-            at = max(few[j], 0)
-            activity[at] += state.pass_on * spikes[at]
-        gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
-        pes_step(state.weights, activity, error, gamma, keep)
-        if flush_due(t, dt):
-            self._flush(state)
+    # Its `start` changes nothing that either of the two depends on.
+    _update_kernel = LearningEnsemble._update_kernel
 
 
 @final

@@ -203,12 +203,6 @@ def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
     activity += share * (spikes - activity)
 
 
-@kernel_of(follow)
-def _follow_kernel(activity: FloatArray, spikes: FloatArray, share: float) -> None:
-    for i in range(len(activity)):
-        activity[i] += share * (spikes[i] - activity[i])
-
-
 def smooth(activity: FloatArray, spikes: FloatArray, fade: float, share: float) -> None:
     """activity = fade activity + share spikes.
 
@@ -221,7 +215,7 @@ def smooth(activity: FloatArray, spikes: FloatArray, fade: float, share: float) 
 
 @kernel_of(smooth)
 def _smooth_kernel(activity: FloatArray, spikes: FloatArray, fade: float, share: float) -> None:
-    # One pass; the two statements above become four, by way of an array each.
+    # One pass, as the two statements above are not: ensembles take 1.04 to 1.1 times as long.
     for i in range(len(activity)):
         activity[i] = activity[i] * fade + share * spikes[i]
 

@@ -26,7 +26,6 @@ from blocks.core import (
     Spikes,
     State,
     Vector,
-    kernel_of,
     param,
     product,
 )
@@ -260,19 +259,6 @@ class Weights(Block):
         for j in spikes.nonzero()[0].tolist():
             at = (now + state.steps[:, j].astype(np.int64)) % slots
             state.coming[at, rows] += state.weights[:, j] * spikes[j]
-        state.head[0] += 1.0
-
-    @kernel_of(_send)
-    def _send_kernel(self, state: BlockState, spikes: FloatArray) -> None:
-        slots, now = len(state.coming), int(state.head[0])
-        m = len(state.weights)
-        for i in range(m):
-            state.coming[now % slots, i] = 0.0
-        for j in range(len(spikes)):
-            if spikes[j] != 0.0:
-                for i in range(m):
-                    at = (now + int(state.steps[i, j])) % slots
-                    state.coming[at, i] += state.weights[i, j] * spikes[j]
         state.head[0] += 1.0
 
     def update(

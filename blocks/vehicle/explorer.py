@@ -155,14 +155,6 @@ class Explorer(Block):
         nearest = int(in_view.argmin())
         return self._turned(state, float(in_view[nearest]), float(state.bearings[nearest]))
 
-    @kernel_of(_wandering)
-    def _wandering_kernel(self, state: BlockState, ranges: FloatArray) -> float:
-        nearest, least = 0, math.inf
-        for i in range(len(ranges)):
-            if abs(state.bearings[i]) < ASIDE and ranges[i] < least:
-                nearest, least = i, ranges[i]
-        return self._turned(state, least, state.bearings[nearest])
-
     def _nearest(self, state: BlockState, ranges: FloatArray) -> float:
         """The bearing (rad) of the nearest return; 0 where it is near, or where there is none."""
         nearest = int(ranges.argmin())
