@@ -93,9 +93,7 @@ def c_plan(
     outside : of a plan that is exported, the signals that it does not compute, but for constants.
     """
     parts, called = divided(plan, kernels)
-    is_one = not any(isinstance(each, (Integrate, Solve)) for each in plan.operations)
-    has_locals = is_one and len(parts) == 1 and outside is None
-    printer = EngineText(plan, names, kernels, has_locals, outside or ())
+    printer = EngineText(plan, names, kernels, outside or ())
     made = PlanText("", printer.struct, printer.calls, printer.used, parts=len(parts))
     for number, part in enumerate(parts):
         at = [i for i, each in enumerate(part) if isinstance(each, Integrate)]
@@ -118,8 +116,6 @@ def c_plan(
     used |= printer.own if outside is None else set()  # these are part of an exported unit
     prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
     run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
-    for mark, lines in zip(("@first@", "@tick@", "@last@"), printer.moved(), strict=True):
-        run = run.replace(mark, "\n".join(lines))
     declared = printer.struct.text("plan", "places") if outside is None else ""
     if outside is not None:
         made.inner = [
@@ -164,10 +160,9 @@ class EngineText(SignalText):
         plan: Plan,
         names: Names,
         kernels: Mapping[str, Kernel],
-        has_locals: bool,
         outside: Collection[Port] = (),
     ) -> None:
-        super().__init__(plan, names, kernels, has_locals, outside)
+        super().__init__(plan, names, kernels, outside)
         self.used: list[SolverUnit] = []
         self.own: set[str] = set()
         self.functions = ""
@@ -285,7 +280,7 @@ class EngineText(SignalText):
             self.put(f"const double beyond = {self.distance(stop)};")
             with self.block(f"if ({condition})"):
                 self.put("stop[0] = 1.0, stop[2] = (double)k, stop[3] = t;")
-                self.put(self.ended(STOPPED))
+                self.put(f"return {STOPPED};")
             self.put("stop[1] = beyond;")
 
     def distance(self, stop: Stop) -> str:

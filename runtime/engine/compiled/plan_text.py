@@ -1,8 +1,7 @@
 """What the C text of every plan has in common.
 
 In go the operations of a plan as lines of C (``c_plan``), in the place of the names in ``@``; out
-comes the function that runs its ticks: ``@body@`` is what a tick does, ``@first@`` and ``@last@``
-load and store what outlives a call.
+comes the function that runs its ticks: ``@body@`` is what a tick does.
 """
 
 from __future__ import annotations
@@ -48,19 +47,13 @@ static int64_t ticks(struct plan *plan, const struct places *places, struct cont
     (void)places;
     (void)low;
     (void)high;
-    int64_t ended = 0;
-@first@
     for (int64_t k = first; k < last; k++) {
         double t = (double)k * dt;
         (void)t;
         ctx->tick = k;
-@tick@
 @body@
     }
-    goto end;
-end:
-@last@
-    return ended;
+    return 0;
 }
 
 #ifndef WITHOUT_JUMPS
