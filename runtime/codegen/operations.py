@@ -23,12 +23,12 @@ from runtime.codegen import form
 from runtime.codegen.unit import CFunction
 
 ALIGNED = 8  # bytes that local arrays are multiples of: ARENA_STEP of support.h
-MATH = (
-    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh"),
-    *("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "exp2"),
-    *("log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil"),
-    *("trunc", "rint", "round", "fabs", "hypot", "copysign", "fmod", "pow"),
-    *("remainder", "frexp", "ldexp", "fmin", "fmax", "nearbyint", "erf", "erfc"),
+MATH = tuple(
+    """
+    sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 exp2 log log1p log2
+    log10 sqrt cbrt floor ceil trunc rint round fabs hypot copysign fmod pow remainder frexp ldexp
+    fmin fmax nearbyint erf erfc
+""".split()
 )
 FUNCTIONS = (*MATH, "power", "length_of")
 ONES = ("least", "greatest", "np_least", "np_greatest", "sign_of")

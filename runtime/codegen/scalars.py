@@ -51,9 +51,10 @@ COMPARED: dict[type, tuple[str, Callable[[Any, Any], Any]]] = {
 # not). TOTAL ones have a result for every number, the others raise for some: see REAL in support.h.
 TOTAL = {name: name for name in ("atan", "tanh", "asinh", "erf", "erfc", "cbrt", "fabs")}
 TOTAL_TWO = {"atan2": "atan2", "copysign": "copysign", "hypot": "length_of"}
-REAL = (
-    *("sin", "cos", "tan", "asin", "acos", "sinh", "cosh", "acosh", "atanh"),
-    *("exp", "exp2", "expm1", "log", "log1p", "log2", "log10", "sqrt"),
+REAL = tuple(
+    """
+    sin cos tan asin acos sinh cosh acosh atanh exp exp2 expm1 log log1p log2 log10 sqrt
+""".split()
 )
 REAL_TWO = {"fmod": "real_fmod", "remainder": "real_remainder", "pow": "real_power"}
 TESTS = ("isnan", "isinf", "isfinite")

@@ -65,14 +65,20 @@ def draws_text() -> str:
     with localcontext() as context:
         context.prec = DIGITS
         normal = _tables(
-            *("3.6541528853610088", "0.0049286732339746557", 52),
-            *(lambda x: (-x * x / 2).exp(), lambda y: (-2 * y.ln()).sqrt()),
-            (NORMAL_W, NORMAL_K, NORMAL_F),
+            r="3.6541528853610088",
+            area="0.0049286732339746557",
+            bits=52,
+            curve=lambda x: (-x * x / 2).exp(),
+            inverse=lambda y: (-2 * y.ln()).sqrt(),
+            corrections=(NORMAL_W, NORMAL_K, NORMAL_F),
         )
         exponential = _tables(
-            *("7.69711747013104972", "0.0039496598225815571993", 53),
-            *(lambda x: (-x).exp(), lambda y: -y.ln()),
-            (EXPONENTIAL_W, EXPONENTIAL_K, EXPONENTIAL_F),
+            r="7.69711747013104972",
+            area="0.0039496598225815571993",
+            bits=53,
+            curve=lambda x: (-x).exp(),
+            inverse=lambda y: -y.ln(),
+            corrections=(EXPONENTIAL_W, EXPONENTIAL_K, EXPONENTIAL_F),
         )
     tables = []
     for name, (w, k, f) in (("normal", normal), ("exponential", exponential)):

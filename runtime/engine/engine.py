@@ -137,7 +137,11 @@ class Engine:
         probes, ticks = self.program.observation.probes, self.network.ticks
         keep = self.network.keep
         self.recorder = Recorder(
-            *(probes, ticks, self.network.dt, self.program.gathered, self.folder),
+            probes,
+            ticks,
+            self.network.dt,
+            self.program.gathered,
+            folder=self.folder,
             growing=self.program.growing,
             keep=None if keep is None else max(1, round(keep / self.network.dt)),
         )
@@ -145,8 +149,11 @@ class Engine:
         self.state = RunState(self.program, self.seed)
         self.diagnosis = Diagnosis(self.network, self.state.blocks)
         self.starting = Start(
-            *(self.program, self.state, OutputChecks(self.network), self.arrays),
-            {} if self.profile is None else self.profile.names(),
+            program=self.program,
+            state=self.state,
+            checks=OutputChecks(self.network),
+            arrays=self.arrays,
+            names={} if self.profile is None else self.profile.names(),
         )
 
     def prepare(self) -> Runner:

@@ -18,41 +18,21 @@ from runtime.plan import Plan, Port, Signal
 # What an engine gives every block's state, and what cannot change.
 GIVEN = frozenset(("_declared", "context", "dt", "seed", "is_seed_read", "published", "rng"))
 
-GLOBALS = (
-    *("isfinite", "isnan", "vdot", "array", "full", "concatenate", "zeros"),
-    *("checked", "sealed", "not_finite", "floats", "several"),
+GLOBALS = tuple(
+    """
+    isfinite isnan vdot array full concatenate zeros checked sealed not_finite floats several
+""".split()
 )
 # Names used by the loop around a compiled plan.
 DRIVER_NAMES = ("drive", "due", "read", "store")
 # Names used by the text of a graph with continuous states, or that may stop early.
-CONTINUOUS_NAMES = (
-    *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
-    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "move_states", "i0", "i1"),
-    *(
-        "sum",
-        "done",
-        "h",
-        "substep",
-        "control",
-        "accept_step",
-        "errors",
-        "unreached",
-        "reject_step",
-    ),
-    *("ArithmeticError", "ValueError"),
-    *("stop", "beyond", "search", "sides", "directions", "guards", "fired", "edges", "found"),
-    *(
-        "opened",
-        "proposed",
-        "decided",
-        "restless",
-        "reached",
-        "which",
-        "noted",
-        "log",
-        "count",
-        "min",
-    ),
+CONTINUOUS_NAMES = tuple(
+    """
+    states start slopes nodes weights table stage blend joined rates bad_slope keep first_bad
+    move_states i0 i1 sum done h substep control accept_step errors unreached reject_step
+    ArithmeticError ValueError stop beyond search sides directions guards fired edges found opened
+    proposed decided restless reached which noted log count min
+""".split()
 )
 
 

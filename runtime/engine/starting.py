@@ -61,9 +61,18 @@ class Start:
     def all(self) -> dict[str, Any]:
         """Initialise the states, and compute the constant outputs; returns the namespace."""
         functions = (
-            *(math.isfinite, math.isnan, np.vdot, np.array, np.full, np.concatenate, Zeros()),
-            *(self.checks.forms, sealed, self.checks.not_finite),
-            *(self.checks.floats, self.checks.several),
+            math.isfinite,
+            math.isnan,
+            np.vdot,
+            np.array,
+            np.full,
+            np.concatenate,
+            Zeros(),
+            self.checks.forms,
+            sealed,
+            self.checks.not_finite,
+            self.checks.floats,
+            self.checks.several,
         )
         self.namespace.update(zip(GLOBALS, functions, strict=True))
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}

@@ -23,8 +23,10 @@ from runtime.plan import Port
 HELPERS = {
     f"{verb}_{kind}": text.format(kind=kind, type=c_type)
     for kind, c_type in (
-        *(("numbers", "double"), ("integers", "int64_t")),
-        *(("flags", "bool"), ("words", "uint64_t")),
+        ("numbers", "double"),
+        ("integers", "int64_t"),
+        ("flags", "bool"),
+        ("words", "uint64_t"),
     )
     for verb, text in (
         (

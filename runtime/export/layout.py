@@ -96,12 +96,7 @@ class Layout:
         by (block, port, "held"), and of blocks by name."""
         taken = set(MEMBERS)
         selection = self.selection
-        ports = dict.fromkeys(
-            [
-                *(*selection.inputs, *selection.constants),
-                *selection.outputs,
-            ]
-        )
+        ports = dict.fromkeys((*selection.inputs, *selection.constants, *selection.outputs))
         found: dict[Any, str] = {}
         declared = (*selection.network.inputs.values(), *selection.network.outputs.values())
         public = {(each.end.block, each.end.port): each.name for each in declared}

@@ -8,22 +8,20 @@ from runtime.codegen import unused
 from runtime.errors import UsageError
 
 KEYWORDS = frozenset(
-    (
-        *("auto", "bool", "break", "case", "char", "const", "continue", "default", "do", "double"),
-        *("else", "enum", "extern", "false", "float", "for", "goto", "if", "inline", "int", "long"),
-        *("register", "restrict", "return", "short", "signed", "sizeof", "static", "struct"),
-        *("switch", "true", "typedef", "union", "unsigned", "void", "volatile", "while", "main"),
-        *("asm", "typeof", "linux", "unix", "i386", "math_errhandling", "signgam", "errno"),
-    )
+    """
+        auto bool break case char const continue default do double else enum extern false float for
+        goto if inline int long register restrict return short signed sizeof static struct switch
+        true typedef union unsigned void volatile while main asm typeof linux unix i386
+        math_errhandling signgam errno
+    """.split()
 )
 # Names of structs and headers that are there already, and of files that Windows does not have.
 TAKEN = frozenset(
-    (
-        *("context", "draws", "assert", "complex", "ctype", "errno", "fenv", "float", "inttypes"),
-        *("iso646", "limits", "locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef"),
-        *("stdint", "stdio", "stdlib", "string", "tgmath", "time", "wchar", "wctype"),
-        *("con", "aux", "nul", "prn", "report"),
-    )
+    """
+        context draws assert complex ctype errno fenv float inttypes iso646 limits locale math
+        setjmp signal stdarg stdbool stddef stdint stdio stdlib string tgmath time wchar wctype con
+        aux nul prn report
+    """.split()
 )
 MACRO = re.compile("[A-Z0-9_]+")  # how macros are spelled, as NULL, M_PI and INT64_MAX are
 

@@ -43,6 +43,14 @@ EMPTY = object()  # in the place of the content of a cell that has none
 POSITION = "nobody can read where it is"
 
 
+def nothing(content: Any) -> tuple[()]:
+    return ()
+
+
+def _same(content: Any, change: Callable[[Any], Any]) -> Any:
+    return content
+
+
 @dataclass(frozen=True, eq=False)
 class Kind:
     """How objects of one kind are taken apart.
@@ -54,17 +62,9 @@ class Kind:
 
     content: Callable[[Any], Any]
     put: Callable[[Any, Any], None]
-    inside: Callable[[Any], Iterable[Any]]
-    mapped: Callable[[Any, Callable[[Any], Any]], Any]
+    inside: Callable[[Any], Iterable[Any]] = nothing
+    mapped: Callable[[Any, Callable[[Any], Any]], Any] = _same
     made: Callable[[Any], Any] = lambda value: object.__new__(type(value))
-
-
-def nothing(content: Any) -> tuple[()]:
-    return ()
-
-
-def _same(content: Any, change: Callable[[Any], Any]) -> Any:
-    return content
 
 
 def _list_mapped(content: list[Any], change: Callable[[Any], Any]) -> list[Any]:
@@ -132,41 +132,40 @@ KINDS: dict[type, Kind] = {
     dict: DICT,
     deque: replace(SET, made=lambda value: type(value)(maxlen=value.maxlen)),
     set: SET,
-    bytearray: Kind(bytes, _put_bytes, nothing, _same, _new(bytearray)),
-    array.array: Kind(copy.copy, _put_bytes, nothing, _same, lambda v: array.array(v.typecode)),
+    bytearray: Kind(bytes, _put_bytes, made=_new(bytearray)),
+    array.array: Kind(copy.copy, _put_bytes, made=lambda v: array.array(v.typecode)),
     types.CellType: Kind(
-        *(_cell, _put_cell, tuple, lambda content, change: (change(content[0]),)),
-        lambda value: types.CellType(),
+        content=_cell,
+        put=_put_cell,
+        inside=tuple,
+        mapped=lambda content, change: (change(content[0]),),
+        made=lambda value: types.CellType(),
     ),
     np.random.Generator: Kind(
         lambda value: value.bit_generator.state,
         lambda value, content: setattr(value.bit_generator, "state", content),
-        *(nothing, _same),
-        lambda value: type(value)(type(value.bit_generator)()),
+        made=lambda value: type(value)(type(value.bit_generator)()),
     ),
     np.random.BitGenerator: Kind(
         lambda value: value.state,
         lambda value, content: setattr(value, "state", content),
-        *(nothing, _same),
-        lambda value: type(value)(),
+        made=lambda value: type(value)(),
     ),
     np.random.RandomState: Kind(
         lambda value: value.get_state(legacy=False),
         lambda value, content: value.set_state(content),
-        *(nothing, _same),
-        lambda value: type(value)(),
+        made=lambda value: type(value)(),
     ),
     random.Random: Kind(
         lambda value: value.getstate(),
         lambda value, content: value.setstate(content),
-        *(nothing, _same),
-        _new(random.Random),
+        made=_new(random.Random),
     ),
 }
 
 
 # Objects whose attributes are all in their dictionary, which is recorded as such.
-PLAIN = Kind(lambda value: (), lambda value, content: None, nothing, _same)
+PLAIN = Kind(lambda value: (), lambda value, content: None)
 
 
 LISTED = tuple(KINDS)

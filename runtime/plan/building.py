@@ -239,7 +239,10 @@ class _Builder:
             if spec.projects
         )
         part = Integrate(
-            *(self.row, network.solver, tuple(stage), projections),
+            row=self.row,
+            solver=network.solver,
+            stage=tuple(stage),
+            projections=projections,
             time_unit=network.time_unit,
         )
         if SOLVERS[part.solver].is_implicit:

@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 # Functions of math.h whose results are rounded in one way by the C library and in another by a
 # compiler that computes them itself, as it does for arguments that it knows.
-INEXACT = (
-    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh"),
-    *("acosh", "atanh", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "cbrt", "hypot"),
-    *("pow", "erf", "erfc", "tgamma", "lgamma"),
+INEXACT = tuple(
+    """
+    sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10
+    log1p cbrt hypot pow erf erfc tgamma lgamma
+""".split()
 )
 # How much a unit is optimised; a plan, which only calls, is compiled in half of the time at -O1.
 # Not -O3: gcc 12.2 then computes wrong numbers for a comparison of a clipped value in loops of
@@ -43,8 +44,11 @@ VECTORS = ("-ftree-vectorize", "-fvect-cost-model=dynamic")
 # -fno-math-errno and -fno-trapping-math say that nobody reads errno or floating-point exceptions,
 # which lets sqrt be one instruction.
 FLAGS = (
-    *("-std=c99", "-fPIC", "-ffp-contract=off"),
-    *("-fno-math-errno", "-fno-trapping-math"),
+    "-std=c99",
+    "-fPIC",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-trapping-math",
     *(f"-fno-builtin-{name}" for name in INEXACT),
 )
 CHECKED = "SPIKEBLOCKS_CHECKED"  # defined in a build that checks indices

@@ -73,8 +73,15 @@ def make_kernels(
         terms = {p: wires[name, p] for p, declared in spec.inputs.items() if declared.variadic}
         try:
             kernel = kernels.compiled[name] = make_kernel(
-                *(entry.block, states[name], terms, kinds[name], calls, checked, shapes[name]),
-                *(records, guards),
+                entry.block,
+                states[name],
+                terms,
+                kinds[name],
+                calls,
+                checked=checked,
+                rates=shapes[name],
+                records=records,
+                guards=guards,
             )
             if kernel.is_new:
                 begin(kernel)
