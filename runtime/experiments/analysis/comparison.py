@@ -240,6 +240,7 @@ class Questions:
         compared with if it is a string such as ``5%``. That of '' is of all others.
     ends : by metric, of the intervals of its mean.
     never : by metric, what infinite means. Such waiting times have skewed distributions.
+    is_of_presence : whether it is tested that both sides have a value equally often.
     """
 
     test: Test = "auto"
@@ -248,6 +249,7 @@ class Questions:
     margins: Mapping[str, float | str] = field(default_factory=dict)
     ends: Mapping[str, Ends] = field(default_factory=dict)
     never: Mapping[str, str] = field(default_factory=dict)
+    is_of_presence: bool = True
 
     def is_primary(self, metric: str) -> bool:
         """Whether a metric, or the trend of one, is tested."""
@@ -338,7 +340,7 @@ def _line(
     compared = _compare_samples(metric, sample, base, questions)
     # Where both lack the same values there is nothing to test.
     differs = [a is None for a in sample.values] != [b is None for b in base.values]
-    is_tested = differs and not sample.is_single and sample.crossed is None
+    is_tested = questions.is_of_presence and differs and not sample.is_single
     presence = mcnemar_test(sample.values, base.values) if is_tested else math.nan
     is_unranked = sample.is_unranked or base.is_unranked
     if is_unranked:

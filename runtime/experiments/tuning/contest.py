@@ -75,7 +75,13 @@ class ContestResult(Outcome):
         """The table: each contestant beside the first, then all other pairs."""
         names, plan = list(self.tunings), self.plan
         others = [(b, a) for i, a in enumerate(names[1:], 1) for b in names[i + 1 :]]
-        questions = Questions("auto", (), others, self.margins, plan.ends, plan.never)
+        questions = Questions(
+            contrasts=others,
+            margins=self.margins,
+            ends=plan.ends,
+            never=plan.never,
+            is_of_presence=False,
+        )
         samples = {
             (metric, ""): {name: self._sample(name, metric) for name in names}
             for metric in plan.tuning.metrics

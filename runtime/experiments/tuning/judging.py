@@ -16,15 +16,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Literal
 
 from runtime.experiments.analysis import (
-    ANY,
     Estimate,
     PairedDifference,
+    Questions,
     Sample,
-    benjamini_hochberg,
-    difference,
+    compare,
     failed_value,
     has_failed,
     is_same,
@@ -119,31 +119,48 @@ def judge(
     held_out: dict[int, Candidate],
 ) -> list[Judgement]:
     """A line for each metric that matters, of the baseline and of each winner."""
-    scorer = Scorer(plan.tuning, plan.metrics)
     training = {one.number: one for one in (candidates[BASELINE], *winners)}
+    seen = _evaluate(plan, plan.tuning.training, training)
+    judged = _evaluate(
+        plan, plan.tuning.held_out, {number: held_out[number] for number in training}
+    )
     lines = []
-    for number in training:
-        for metric in plan.tuning.metrics:
-            seen, judged = (
-                _evaluate(plan, scorer, metric, runs, results[number], results[BASELINE])
-                for runs, results in (
-                    (plan.tuning.training, training),
-                    (plan.tuning.held_out, held_out),
-                )
-            )
-            if number != BASELINE:
-                seen = _chosen_by(seen)
-            lines.append(Judgement(number, metric, seen, judged))
-    return _correct(lines)
+    for number, metric in product(training, plan.tuning.metrics):
+        own = seen[number, metric]
+        own = own if number == BASELINE else _without_test(own)
+        lines.append(Judgement(number, metric, own, judged[number, metric]))
+    return lines
 
 
-def _chosen_by(seen: Evaluation) -> Evaluation:
+def _evaluate(
+    plan: TuningPlan, runs: RunSet, results: Mapping[int, Candidate]
+) -> dict[tuple[int, str], Evaluation]:
+    """Each metric of each configuration beside the baseline, with corrected p values."""
+    scorer, metrics = Scorer(plan.tuning, plan.metrics), plan.tuning.metrics
+    over = {n: scorer.score(one.rows, runs, runs.seeds).metrics for n, one in results.items()}
+    samples = {
+        (metric, ""): {
+            str(n): _sample(plan, scorer, metric, runs, one) for n, one in results.items()
+        }
+        for metric in metrics
+    }
+    questions = Questions(ends=plan.ends, never=plan.never, is_of_presence=False)
+    found = {}
+    for line in compare(samples, str(BASELINE), questions):
+        number, metric = int(line.variant), line.metric
+        found[number, metric] = Evaluation(
+            line.own, line.runs, over[number][metric], line.difference, line.p_adjusted
+        )
+    return found
+
+
+def _without_test(seen: Evaluation) -> Evaluation:
     """The training runs of a winner, which has been chosen by them: no interval and no test."""
     mean, paired = replace(seen.mean, low=math.nan, high=math.nan), seen.difference
     if paired is not None:
         mean_only = (paired.n, paired.mean, math.nan, math.nan, paired.never, paired.is_same)
         paired = PairedDifference(*mean_only, pairs=paired.pairs, scale=paired.scale)
-    return replace(seen, mean=mean, difference=paired)
+    return replace(seen, mean=mean, difference=paired, p=math.nan)
 
 
 def verdicts(
@@ -198,24 +215,6 @@ def _direction(judged: Evaluation, larger_is_better: bool) -> int:
     return 1 if (difference.mean > 0.0) == larger_is_better else -1
 
 
-def _evaluate(
-    plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate, baseline: Candidate
-) -> Evaluation:
-    sample = _sample(plan, scorer, metric, runs, one)
-    own = _sample(plan, scorer, metric, runs, baseline)
-    over = scorer.score(one.rows, runs, runs.seeds).metrics[metric]
-    paired = None
-    if one.number != BASELINE:
-        paired = difference(
-            sample.values,
-            own.values,
-            is_same=sample.is_same and own.is_same,
-            is_skewed=True if metric in plan.never else None,
-        )
-    mean = sample.estimate(plan.ends.get(metric, ANY))
-    return Evaluation(mean, len(sample.values), over, paired)
-
-
 def held_out_values(
     plan: TuningPlan, metric: str, one: Candidate
 ) -> tuple[list[list[float]], list[list[bool]], bool]:
@@ -240,15 +239,3 @@ def _sample(plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Ca
     """
     rows = [[one.rows[name, seed] for seed in runs.seeds] for name in runs.names]
     return sample_of(rows, scorer.columns[metric], plan.worst(metric), is_sampled=True)
-
-
-def _correct(lines: list[Judgement]) -> list[Judgement]:
-    """The lines with p values corrected over all held-out differences of the table."""
-    found = [line.held_out.difference for line in lines]
-    corrected = benjamini_hochberg(
-        [math.nan if one is None or one.is_too_small else one.p for one in found]
-    )
-    return [
-        replace(line, held_out=replace(line.held_out, p=p))
-        for line, p in zip(lines, corrected, strict=True)
-    ]
