@@ -13,10 +13,11 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
-from runtime.document import SHIPPED, shipped_graphs
+from runtime.document import SHIPPED
 from runtime.errors import SpikeblocksError, UsageError
 from runtime.files import write_whole
 from spikeblocks.studio.desk import Desk, shipped
@@ -365,13 +366,13 @@ class Room:
 
     async def on_picture(self, page: Page, name: str) -> None:
         """The diagram of a shipped graph, for its card."""
-        if name not in shipped_graphs():
+        if name not in shipped_names():
             raise UsageError("there is no shipped graph of that name")
         page.post(_text("picture", name=name, svg=await self._in_thread(picture, name)))
 
     async def on_open(self, page: Page, name: str) -> None:
         """Open a shipped graph."""
-        if name not in shipped_graphs():
+        if name not in shipped_names():
             raise UsageError("there is no shipped graph of that name")
         await self._in_thread(self.read, SHIPPED / f"{name}.yaml")
         self.views, self.number = {}, self.number + 1
@@ -384,10 +385,18 @@ class Room:
         return self.desk
 
 
+@cache
+def shipped_names() -> tuple[str, ...]:
+    """The graphs that come with the library: starters, the paper's cases, the gallery."""
+    found = [*SHIPPED.glob("starters/*.yaml"), *SHIPPED.glob("*.yaml")]
+    found += sorted(SHIPPED.glob("gallery/**/*.yaml"))
+    return tuple(path.relative_to(SHIPPED).with_suffix("").as_posix() for path in found)
+
+
 def cards() -> list[dict[str, str]]:
     """The shipped graphs with their first comment, starters first."""
     found = []
-    for name in sorted(shipped_graphs(), key=lambda each: (not each.startswith("starters"), each)):
+    for name in shipped_names():
         path = SHIPPED / f"{name}.yaml"
         text = path.read_text(encoding="utf-8")
         lines = [line.lstrip("# ") for line in text.split("\n")[:6] if line.startswith("#")]

@@ -14,7 +14,7 @@ history.replaceState(null, "", address.pathname);
 
 const state = {
   views: null, playing: false, tick: 0, t: 0, cursor: null, writes: true, selected: "", block: null,
-  values: {}, base: 1, asked: 0, waiting: new Map(), timer: 0, numbers: [], dragging: false,
+  values: {}, base: 1, asked: 0, waiting: new Map(), timer: 0, numbers: [], dragging: false, ends: new Map(),
   dirty: true, frames: 0, valid: true, trust: "",
 };
 window.studio = state;  // for tests and the curious
@@ -53,7 +53,8 @@ const editor = makeEditor(byId("editor"), document.body.dataset.nonce, {
 function sendText() {
   clearTimeout(state.timer);
   const text = editor.text();
-  if (text === state.sent || !state.writes) return;
+  // Nothing is sent before the text has come.
+  if (text === state.sent || state.sent === undefined || !state.writes) return;
   state.sent = text;
   send("text", {text});
 }
@@ -156,6 +157,7 @@ function takeText(message) {
     editor.set(message.text);
     state.sent = message.text;
   } else if (message.text !== editor.text()) return;  // a later one is on its way
+  if (byId("name").textContent !== message.name) state.ends.clear();
   byId("name").textContent = message.name;
   byId("saved").textContent = message.shipped ? "shipped" : message.saved ? "saved" : "not saved";
   state.valid = message.valid;
@@ -212,18 +214,26 @@ function showPicture(svg) {
     block.setAttribute("role", "button");
     block.setAttribute("aria-label", block.querySelector("title")?.textContent ?? block.dataset.name);
   }
+  const focused = document.activeElement?.closest?.('[data-kind="block"]')?.dataset.name;
   place.replaceChildren(document.importNode(root, true));
-  const shown = place.firstElementChild;
-  // One that would be shrunk to less than half is scrolled instead.
-  const share = Math.min(place.clientWidth / shown.width.baseVal.value, place.clientHeight / shown.height.baseVal.value);
-  place.classList.toggle("wide", share < 0.5);
+  fit();
   ring();
+  if (focused) place.querySelector(`[data-kind="block"][data-name="${CSS.escape(focused)}"]`)?.focus();
 }
+/** A diagram that would become too small to be read is scrolled instead. */
+function fit() {
+  const place = byId("picture"), shown = place.querySelector("svg");
+  if (!shown || !place.clientWidth) return;
+  const share = Math.min(place.clientWidth / shown.width.baseVal.value, place.clientHeight / shown.height.baseVal.value);
+  place.classList.toggle("wide", share < 0.6);
+}
+new ResizeObserver(() => { fit(); ring(); }).observe(byId("picture"));
 function ring() {
   for (const block of byId("picture").querySelectorAll('[data-kind="block"]')) {
     const isOne = block.dataset.name === state.selected;
     block.classList.toggle("selected", isOne);
     block.setAttribute("aria-pressed", isOne);
+    if (isOne) block.scrollIntoView({block: "nearest", inline: "nearest"});
   }
 }
 const blockOf = (event) => event.target.closest?.('[data-kind="block"]')?.dataset.name;
@@ -344,11 +354,15 @@ byId("find").oninput = showNumbers;
 function slider(number) {
   const box = make("div", "", {className: "slider"}), key = `${number.path}[${number.index}]`;
   const label = make("label", number.label, {htmlFor: key, title: number.doc}), output = make("output");
-  const input = make("input", "", {id: key, type: "range", min: number.low, max: number.high, step: "any"});
+  // The ends stay while the value is between them, so that a slider is found where it was left.
+  const ends = state.ends.get(key);
+  const [low, high] = ends && ends[0] <= number.value && number.value < ends[1] ? ends : [number.low, number.high];
+  state.ends.set(key, [low, high]);
+  const step = 10 ** Math.floor(Math.log10((high - low) / 100 || 1));
+  const input = make("input", "", {id: key, type: "range", min: low, max: high, step});
   input.dataset.key = key;
   input.value = number.value;
   input.disabled = !state.writes;
-  input.step = (number.high - number.low) / 200 || "any";
   const show = (value) => {
     const text = `${short(value)}${number.unit ? ` ${number.unit}` : ""}`;
     output.textContent = text;
