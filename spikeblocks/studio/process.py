@@ -13,7 +13,6 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -34,7 +33,7 @@ class SessionProcess:
     def __init__(self, listen: Listener) -> None:
         self.listen = listen
         self.process: BaseProcess | None = None
-        self.pipe: Connection | None = None
+        self.pipe: Any = None  # a Connection, of another class on Windows
         self.begun: dict[str, Any] | None = None
         self.log: list[tuple[int, str, tuple[Any, ...]]] = []
         self.tick = 0
@@ -50,7 +49,7 @@ class SessionProcess:
         loop = asyncio.get_running_loop()
         threading.Thread(target=self._read, args=(self.pipe, loop), daemon=True).start()
 
-    def _read(self, pipe: Connection, loop: asyncio.AbstractEventLoop) -> None:
+    def _read(self, pipe: Any, loop: asyncio.AbstractEventLoop) -> None:
         """Hand on what comes, until the process has ended."""
         try:
             while True:
@@ -63,7 +62,7 @@ class SessionProcess:
         except RuntimeError:
             return  # the loop is closed: so is the server
 
-    def _receive(self, pipe: Connection, name: str, values: Any) -> None:
+    def _receive(self, pipe: Any, name: str, values: Any) -> None:
         if pipe is not self.pipe:
             return  # of a process that was ended
         self.heard_at = time.monotonic()
@@ -75,7 +74,7 @@ class SessionProcess:
             self.tick = int(found[1]) if found else self.tick
         self.listen(name, values)
 
-    def _ended(self, pipe: Connection) -> None:
+    def _ended(self, pipe: Any) -> None:
         if pipe is self.pipe:
             self.listen("ended", {})
 
