@@ -11,14 +11,6 @@ from typing import TYPE_CHECKING
 from blocks.library.lazy import door
 
 if TYPE_CHECKING:
-    from runtime.engine.carrying import (
-        Carried,
-        adopt,
-        adopt_changed,
-        carried,
-        with_rows,
-        without_rows,
-    )
     from runtime.engine.engine import Engine, Outcome
     from runtime.engine.interrupts import BetweenTicks, Interrupts, is_within, stoppable
     from runtime.engine.point import Offsets, Point, Watched, labels
@@ -29,5 +21,13 @@ if TYPE_CHECKING:
     from runtime.engine.repeating import begin_again
     from runtime.engine.runners import MakeRunner, silent
     from runtime.engine.selection import python_seconds, take_compiled
+    from runtime.engine.transfer import (
+        Carried,
+        adopt,
+        adopt_changed,
+        carried,
+        with_rows,
+        without_rows,
+    )
 else:
     __getattr__ = door(__name__)

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from blocks.core import Block, FloatArray, retune
-from runtime.engine.beside import Beside
+from runtime.engine.comparison import Comparison
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.events import FOUND, TICK, TIME
 from runtime.engine.interrupts import stoppable
@@ -181,8 +181,8 @@ class Engine:
             self.runner = PythonRunner(list(self.program.held), self._python())
             return self.runner
         own = self.state.own & self.state.compiled
-        beside = Beside(self.state, own, self.namespace, made.read) if own else None
-        self.runner = self.exact = ExactRunner(self.state, made, self._python, beside)
+        comparison = Comparison(self.state, own, self.namespace, made.read) if own else None
+        self.runner = self.exact = ExactRunner(self.state, made, self._python, comparison)
         return self.runner
 
     def run_again(self, changed: Collection[str], anew: Collection[str]) -> bool:

@@ -10,7 +10,7 @@ of range, a division by zero, integers of more than 64 bits, an output that is n
     ticks 513 to 800 in Python     or goes on
 
 Some ticks of blocks that are not built in are compared with their Python form, see
-:mod:`.beside`; at a difference, that tick and the rest of the run are under the Python engine.
+:mod:`.comparison`; at a difference, that tick and the rest of the run are under the Python engine.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from runtime.engine.beside import Beside
+from runtime.engine.comparison import Comparison
 from runtime.engine.events import FOUND
 from runtime.engine.runners import CompiledError, CompiledPlan, Run
 from runtime.engine.state import Held, RunState, Snapshot
@@ -34,7 +34,7 @@ class ExactRunner:
     Parameters
     ----------
     state : of the run. compiled : runs its ticks. python : makes the function of the Python plan.
-    beside : compares own compiled blocks with their Python form; None if there are none.
+    comparison : compares own compiled blocks with their Python form; None if there are none.
 
     ``python_from`` is the tick from which the run is under the Python engine; ``notes`` say why.
     ``copied`` is what the last snapshot took (s).
@@ -43,7 +43,7 @@ class ExactRunner:
     state: RunState
     compiled: CompiledPlan
     python: Callable[[], Run]
-    beside: Beside | None
+    comparison: Comparison | None
     notes: list[str] = field(default_factory=list)
     python_from: int | None = None
 
@@ -66,7 +66,7 @@ class ExactRunner:
         ----------
         scope : the variables of the tick, changed where an event changes them.
         """
-        if self.beside is not None:
+        if self.comparison is not None:
             return False
         try:
             saved = self.state.snapshot()
@@ -89,7 +89,7 @@ class ExactRunner:
         while first < last and not is_stopped(FOUND):
             if self._python is not None:
                 return self._python(first, last, held)
-            due = last if self.beside is None else self.beside.next(first)
+            due = last if self.comparison is None else self.comparison.next(first)
             end = min(last, max(due, first + 1))
             held = self._ticks(first, end, held, compare=due == first)
             first = end
@@ -114,19 +114,19 @@ class ExactRunner:
         except CompiledError as error:
             cause = f"{error.place}: compiled code ended with {error}, which Python does not do"
             return self._again(saved, error.tick, last, cause)
-        if compare and self.beside is not None and not self.state.stop[FOUND]:
+        if compare and self.comparison is not None and not self.state.stop[FOUND]:
             self.state.tick, self.state.held = last, held
-            difference = self.beside.difference(saved, self.state.snapshot())
+            difference = self.comparison.difference(saved, self.state.snapshot())
             if difference is not None:
                 return self._again(saved, first, last, str(difference))
         return held
 
     def _once(self, first: int, last: int, held: Held, why: str) -> Held:
         """Run ticks that cannot be run again."""
-        if self.beside is not None:
-            own = ", ".join(self.beside.own)
+        if self.comparison is not None:
+            own = ", ".join(self.comparison.own)
             self.notes.append(f"{own}: not compared with the Python form, since {why}")
-            self.beside = None
+            self.comparison = None
         try:
             return self.compiled.run(first, last, held)
         except CompiledError as error:

@@ -26,12 +26,12 @@ import numpy as np
 
 from blocks.core import Block, BlockState, Param, ParameterError, retune
 from runtime.export.names import member_name, unused
-from runtime.export.stand_ins import (
+from runtime.export.symbolic import (
     DECISIONS,
     FUNCTIONS,
     Decisions,
     Number,
-    stand_ins_in_math,
+    symbolic_math,
     text_of,
 )
 
@@ -240,7 +240,7 @@ def _started(
     memory = {name: np.zeros_like(array, dtype=kind) for name, array in arrays.items()}
     again = BlockState(state.context, state.seed, memory)
     again.published = state.published
-    with stand_ins_in_math():
+    with symbolic_math():
         made.start(again)
         for name, array in arrays.items():
             if not block.spec.states[name].cached:

@@ -22,7 +22,7 @@ from blocks.library.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
 from runtime.plan.coupling import Coupling
-from runtime.plan.located import (
+from runtime.plan.crossings import (
     MOST_EVENTS,
     changing,
     directions,

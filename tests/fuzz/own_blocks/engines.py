@@ -39,7 +39,7 @@ class Bare(Engine):
     def prepare(self) -> Any:
         made = super().prepare()
         if self.exact is not None:
-            self.exact.beside = None
+            self.exact.comparison = None
         return made
 
 

@@ -15,7 +15,7 @@ import pytest
 import blocks
 import runtime
 from runtime.engine import Engine, state
-from runtime.engine.beside import FIRST, compared
+from runtime.engine.comparison import FIRST, compared
 from runtime.engine.compiled import CompiledRunner, runner
 from runtime.engine.compiled.kernels import make_kernels
 from runtime.plan import building
@@ -195,8 +195,8 @@ def test_no_difference_is_no_note_and_changes_nothing(wrong: str) -> None:
     _, _, notes = both(graph)
 
     def apart(engine: Engine) -> None:
-        assert engine.exact is not None and engine.exact.beside is not None
-        engine.exact.beside = None
+        assert engine.exact is not None and engine.exact.comparison is not None
+        engine.exact.comparison = None
 
     assert notes == []
     assert_same(ran(graph, CompiledRunner, apart), ran(graph, CompiledRunner))
@@ -227,7 +227,7 @@ def test_own_blocks_in_continuous_time_and_those_that_read_them(solver: str, sti
 def test_graphs_without_own_compiled_blocks_compare_nothing() -> None:
     engine = Engine(short("line_actuator_failure").program(), 1, CompiledRunner)
     engine.prepare()
-    assert engine.exact is not None and engine.exact.beside is None
+    assert engine.exact is not None and engine.exact.comparison is None
 
 
 def all_are_own(monkeypatch: pytest.MonkeyPatch, name: str) -> None:

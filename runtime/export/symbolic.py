@@ -172,7 +172,7 @@ def _has_blocks(module: Any) -> bool:
 
 
 @contextmanager
-def stand_ins_in_math() -> Iterator[None]:
+def symbolic_math() -> Iterator[None]:
     """Let the functions of math in the modules of blocks take stand-ins meanwhile."""
     modules = [m for m in list(sys.modules.values()) if vars(m).get("math") is math]
     ours = [m for m in modules if m.__name__.partition(".")[0] != "runtime" and _has_blocks(m)]

@@ -49,7 +49,7 @@ CALL, NUMBER, COMPARED, BLOCK, SHARE = 1.5e-8, 1e-9, 2e-4, 1e-4, 0.01
 RELATIVE, ABSOLUTE = 1e-9, 1e-13
 
 
-def beside(plan: Plan, own: Collection[str], moving: Container[Port]) -> list[Operation]:
+def compared_calls(plan: Plan, own: Collection[str], moving: Container[Port]) -> list[Operation]:
     """The part of a tick that own blocks take part in.
 
     Nothing is recorded, and a tick at which a run stops is not compared.
@@ -85,7 +85,7 @@ class Difference:
         return f"block '{self.block}': {self.what} is {values}"
 
 
-class Beside:
+class Comparison:
     """Compares own compiled blocks with their Python form on some ticks of a run.
 
     Parameters
@@ -106,7 +106,7 @@ class Beside:
         self.network = network = state.program.network
         plan, printer = state.program.plan, state.program.printer()
         moving = network.moving if plan.integration is not None else frozenset[Port]()
-        operations = beside(plan, own, moving)
+        operations = compared_calls(plan, own, moving)
         calls = [call for call in plan.evaluations if not call.gate.once]
         named = signals_of(operations)
         self.ends = [s.key for call in calls for s in call.outputs if s.key in named]
