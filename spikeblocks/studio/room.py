@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
+from blocks.files import read_text
 from runtime.document import SHIPPED
 from runtime.errors import SpikeblocksError, UsageError
 from runtime.files import write_whole
@@ -73,7 +74,7 @@ class Room:
         UsageError : it cannot be read.
         """
         try:
-            text = path.read_text(encoding="utf-8-sig")
+            text = _content(path)
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(f"cannot read '{path}': {error}") from None
         self.on_disk = text
@@ -156,7 +157,7 @@ class Room:
             if desk is None or shipped(desk.path) or not desk.path.is_file():
                 continue
             try:
-                text = desk.path.read_text(encoding="utf-8-sig")
+                text = _content(desk.path)
             except (OSError, UnicodeDecodeError):
                 continue
             if text != self.on_disk:
@@ -384,6 +385,16 @@ class Room:
         if self.desk is None:
             raise UsageError("no graph is open")
         return self.desk
+
+
+def _content(path: Path) -> str:
+    """The text of a graph's file, with the line ends of Python.
+
+    Raises
+    ------
+    OSError, UnicodeDecodeError : as of :func:`blocks.files.read_text`.
+    """
+    return read_text(path, encoding="utf-8-sig").replace("\r\n", "\n")
 
 
 @cache
