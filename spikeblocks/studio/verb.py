@@ -9,7 +9,6 @@ import webbrowser
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.document import find_file
 from runtime.errors import NOWHERE, MissingExtraError, UsageError
 from runtime.terminal import show
 
@@ -48,6 +47,8 @@ def run(options: Namespace) -> int:
         import websockets  # noqa: F401
     except ImportError:
         raise MissingExtraError("the studio", "studio") from None
+    # It loads NumPy, which --help does without.
+    from runtime.document import find_file
     from spikeblocks.studio.room import Room
     from spikeblocks.studio.server import application
 
