@@ -90,6 +90,7 @@ COMPUTED = {
     "runtime.plots.painters": "a function of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
     "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",
+    "spikeblocks.robot.transports": "a module of an adapter, which a robot.yaml names",
     "benchmarks.peers": "one of its own modules, a peer",
 }
 # Keyword arguments on lines of their own count as one line for each call (see ``keyword_lines``).

@@ -5,7 +5,7 @@
     transports  UDP, serial line, zenoh; your own adapter   driving   a session between topics
 
 It offers the block ``FromBag``, the verbs ``bag``, ``play``, ``drive`` and ``serve-plant``
-(extras ``ros``, ``robot``), and the registry ``adapters``. To delete it, remove this folder,
+(extras ``ros``, ``robot``). To delete it, remove this folder,
 tests/bridges/robot, docs/robot.md, examples/robot and its lines in pyproject.toml; nothing else
 names it.
 """

@@ -67,16 +67,21 @@ class Freshness:
 
     A message counts if it is newer than the last one, and not later than ``timeout`` (ns). So what
     a network held back, repeats or reorders does not make a dead sender look alive. A sender's
-    clock that goes back makes all its messages late: it must start again.
+    clock that goes back makes all its messages old: it must start again.
     """
 
     timeout: int
     sender: int | None = None
-    stamp: int = 0
-    sequence: int = 0
-    offset: float = 0.0  # of the clock here before the sender's, by the fastest message
+    stamp: int = 0  # of the newest value
+    came: tuple[int, int] = (0, 0)  # sequence and stamp of the newest message, late ones included
+    # Of the clock here before the sender's, by the fastest message; None if there is none yet.
+    offset: float | None = None
     at: int = 0  # when that was brought up to date
     retired: set[int] = field(default_factory=set)
+
+    def forget_ages(self) -> None:
+        """The clock here has jumped: a message is needed that never came before."""
+        self.offset = None
 
     def accept(self, arrival: Arrival, now: int) -> str:
         """Take a message; '' if it counts, or why it does not."""
@@ -86,22 +91,19 @@ class Freshness:
         if arrival.sender != self.sender:
             if self.sender is not None:
                 self.retired.add(self.sender)
-            self.offset = delay
-        elif arrival.sequence <= self.sequence or arrival.stamp <= self.stamp:
+            self.sender, self.offset = arrival.sender, None
+        elif arrival.sequence <= self.came[0] or arrival.stamp <= self.came[1]:
             return "not newer than the one before"
-        else:
-            drifted = self.offset + DRIFT * max(0, now - self.at)
-            if delay - drifted > self.timeout:
-                return f"late by {(delay - drifted) / SECOND:.3g} s"
-            self.offset = min(drifted, delay)
-        self.sender, self.sequence = arrival.sender, arrival.sequence
-        self.stamp, self.at = arrival.stamp, now
+        self.came = arrival.sequence, arrival.stamp
+        fastest = delay if self.offset is None else self.offset + DRIFT * max(0, now - self.at)
+        if delay - fastest > self.timeout:
+            return f"late by {(delay - fastest) / SECOND:.3g} s"
+        self.offset, self.stamp, self.at = min(fastest, delay), arrival.stamp, now
         return ""
 
     def is_fresh(self, now: int) -> bool:
         """Whether the newest value still counts."""
-        age = now - self.stamp - self.offset
-        return self.sender is not None and age <= self.timeout and now >= self.at
+        return self.offset is not None and now - self.stamp - self.offset <= self.timeout
 
 
 class Guard:
@@ -124,9 +126,6 @@ class Guard:
         self._is_pressed = dead_man is None
         self._now: int | None = None
         self._last: dict[str, tuple[FloatArray, int]] = {}
-        self._forget()
-
-    def _forget(self) -> None:
         self._fresh = {
             name: Freshness(round(topic.timeout * SECOND)) for name, topic in self._topics.items()
         }
@@ -150,7 +149,7 @@ class Guard:
         if self.state is State.STOPPED:
             return self.state
         stale = [name for name, fresh in self._fresh.items() if not fresh.is_fresh(now)]
-        unseen = [name for name, fresh in self._fresh.items() if fresh.sender is None]
+        unseen = [name for name, fresh in self._fresh.items() if fresh.offset is None]
         if unseen:
             self._move(State.WAITING, ", ".join(unseen))
         elif [name for name in stale if name != self._dead_man]:
@@ -167,9 +166,10 @@ class Guard:
             self._last.clear()  # what comes next begins from zero
 
     def _check_clock(self, now: int) -> None:
-        """Forget all inputs if the clock went back, since their ages are unknown then."""
+        """Forget the ages of all inputs if the clock went back."""
         if self._now is not None and now < self._now and self.state is not State.STOPPED:
-            self._forget()
+            for fresh in self._fresh.values():
+                fresh.forget_ages()
             self._move(State.WAITING, "the clock went back")
         self._now = now
 

@@ -4,11 +4,12 @@ An adapter of your own is a class with ``open``, ``send``, ``receive`` and ``clo
 
     transport: {type: my_adapter.py:MyAdapter, device: /dev/spidev0.0}
 
-or an entry point of the group ``spikeblocks.adapters`` with a name for ``type``.
+or one of an installed package, ``type: my_package.adapters:MyAdapter``.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 import runpy
 import socket
@@ -22,7 +23,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from blocks.core import FloatArray
-from blocks.library.extensions import Registry
 from runtime.errors import MissingExtraError, UsageError
 from runtime.files import is_number
 from spikeblocks.robot import frames
@@ -264,13 +264,7 @@ class Zenoh(Adapter):
         self._session.close()
 
 
-ADAPTERS: Registry[type[Adapter]] = Registry(
-    "adapters",
-    Adapter,
-    "a subclass of Adapter",
-    own={"udp": UDP, "serial": Serial, "zenoh": Zenoh},
-    classes=True,
-)
+ADAPTERS: dict[str, type[Adapter]] = {"udp": UDP, "serial": Serial, "zenoh": Zenoh}
 
 
 def adapter_of(ports: Ports, modules: bool = True) -> Adapter:
@@ -281,19 +275,29 @@ def adapter_of(ports: Ports, modules: bool = True) -> Adapter:
     UsageError : there is none of that name, or ``modules`` forbids to run its file.
     """
     kind = str(ports.transport.get("type", "udp"))
-    file, _, name = kind.rpartition(":")
-    if not file:
+    place, _, name = kind.rpartition(":")
+    if not place:
         if kind not in ADAPTERS:
-            known = ", ".join(ADAPTERS.names())
+            known = ", ".join(ADAPTERS)
             raise UsageError(f"transport.type: no adapter '{kind}'; known are {known}, FILE:CLASS")
         return ADAPTERS[kind](ports.transport, ports)
-    path = ports.path.parent / file
-    if not modules:
-        raise UsageError(f"'{path}' is executed, as Python would, which is refused (--no-modules)")
-    if not Path(path).is_file():
-        raise UsageError(f"transport.type: there is no file '{path}'")
-    found = runpy.run_path(str(path)).get(name)
+    found = _class_of(place, name, ports.path.parent, modules)
     if not (isinstance(found, type) and issubclass(found, Adapter)):
-        raise UsageError(f"transport.type: '{path}' has no subclass of Adapter named '{name}'")
+        raise UsageError(f"transport.type: '{place}' has no subclass of Adapter named '{name}'")
     made: Adapter = found(ports.transport, ports)
     return made
+
+
+def _class_of(place: str, name: str, folder: Path, modules: bool) -> object:
+    """What a Python file, or an installed module, has under a name."""
+    if not place.endswith(".py"):
+        try:
+            return getattr(importlib.import_module(place), name, None)
+        except ImportError as error:
+            raise UsageError(f"transport.type: cannot import '{place}': {error}") from None
+    path = folder / place
+    if not modules:
+        raise UsageError(f"'{path}' is executed, as Python would, which is refused (--no-modules)")
+    if not path.is_file():
+        raise UsageError(f"transport.type: there is no file '{path}'")
+    return runpy.run_path(str(path)).get(name)

@@ -24,6 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from spikeblocks.robot.bags import BagReader, BagWriter
 from spikeblocks.robot.messages import SECOND, Codec, factory
+from tests.compilers import needs_compiler
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "robot"
 EPOCH = 1_700_000_000 * SECOND
@@ -186,6 +187,24 @@ def test_a_run_goes_on_from_its_own_folder(tmp_path: Path) -> None:
     folder = first.save(tmp_path / "run")
     again = runtime.load(folder / "graph.resolved.yaml").run()
     assert again["out"].tobytes() == first["out"].tobytes()
+
+
+@needs_compiler
+@pytest.mark.parametrize(("topic", "method"), [("/scan", "hold"), ("/odom", "linear")])
+def test_both_engines_play_the_same_bits(topic: str, method: str) -> None:
+    entry = {"type": "FromBag", "file": str(EXAMPLES / "log.mcap"), "topic": topic}
+    runs = [
+        runtime.load(
+            {
+                "graph": "bits",
+                "run": {"dt": 0.007, "until": 12.5, "engine": engine},
+                "blocks": {"bag": {**entry, "method": method}},
+                "probes": {"out": "bag.out"},
+            }
+        ).run()
+        for engine in ("python", "compiled")
+    ]
+    assert runs[0]["out"].tobytes() == runs[1]["out"].tobytes()
 
 
 # The commands

@@ -374,6 +374,8 @@ def test_a_wrong_robot_yaml_is_an_error_with_its_place(files, text: str, problem
     [
         ({"type": "upd"}, "no adapter 'upd'; known are udp, serial, zenoh, FILE:CLASS"),
         ({"type": "none.py:A"}, "there is no file"),
+        ({"type": "no_such_package:A"}, "cannot import 'no_such_package'"),
+        ({"type": "math:pi"}, "'math' has no subclass of Adapter named 'pi'"),
         ({"type": "udp", "peer": "a:1"}, "'listen' is missing, for udp"),
         ({"type": "udp", "listen": "nowhere", "peer": "a:1"}, "expected HOST:PORT, got 'nowhere'"),
     ],

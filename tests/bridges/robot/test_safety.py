@@ -207,6 +207,8 @@ def live(history: list[tuple[Any, ...]]) -> World:
 @example([*STEADY, ("round", 500, 10), ("kill",), ("wait", 490), ("wait", 10)])
 @example([*STEADY, ("kill",), ("wait", 200), ("replay", -9, True), ("wait", 1)])
 @example([*STEADY, ("restart", 0), *STEADY, ("wait", 200), ("replay", 9, False), ("wait", 1)])
+@example([("round", 0, 1), ("wait", 101), ("own clock", -1), ("replay", 0, True)])
+@example([*STEADY, ("round", 300, 300), ("own clock", -1), ("wait", 200), ("replay", -3, True)])
 @example([*STEADY, ("send", DEAD_MAN, [0], "", 0.0), ("replay", 3, False), ("wait", 1)])
 @example([*STEADY, ("their clock", -4000), *STEADY, ("restart", 0), *STEADY])
 @example([*STEADY, ("send", DEAD_MAN, [5], "", 0.0), ("wait", 6), ("wait", 1)])

@@ -36,8 +36,7 @@ from runtime.checking.bench import Bench
 from runtime.checking.check import context_for
 from runtime.compiler.fields import NotCompilableError
 from runtime.compiler.translate import Translated, translate
-from spikeblocks.robot import FromBag
-from tests.blocks.direct import BAG, PUSH, REQUIRED
+from tests.blocks.direct import PUSH, REQUIRED
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, worlds
 from tests.compilers import needs_compiler
 from tests.examples import examples
@@ -364,10 +363,6 @@ CASES: dict[str, list[Case]] = {
         for outside, method in (("error", "cubic"), ("zero", "linear"))
     ]
     + [Case(blocks.FromFile(file=str(PUSH), columns=["force"], outside="zero"))],
-    "FromBag": [
-        Case(FromBag(file=str(BAG), topic=topic, method=method))
-        for topic, method in (("/scan", "hold"), ("/odom", "linear"))
-    ],
     "WhiteNoise": [
         Case(blocks.WhiteNoise(density=0.1)),
         Case(blocks.WhiteNoise(density=[0.1, 0.2], mean=1.0, signal="Twist")),
