@@ -139,7 +139,7 @@ def parse_factor(path: str, node: Node, address: str, problems: Problems) -> Fac
 
 
 def plain_value(node: Node, address: str) -> Any:
-    """What is written, a part that it names in full: a worker has only the text of a trial.
+    """What is written, a part that it names in full: a worker has only what a trial holds.
 
     Raises
     ------

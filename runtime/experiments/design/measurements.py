@@ -48,7 +48,7 @@ def parse_measurement(text: str, graph: Graph) -> Measurement:
 
     Raises
     ------
-    UsageError : the text has another form.
+    UsageError : it has another form.
     """
     # From the right, since a path may have a colon.
     file, colon, pairs = text.rpartition(":")

@@ -32,7 +32,7 @@ Note = Callable[[str], None]
 # A cluster's scheduler and client take 6 ms a call, as long as a short trial.
 MOST_IN_CALL = 50
 CONNECT_TIMEOUT = 10.0  # s; time limit for a cluster's scheduler to answer
-SILENT_WAIT = 3.0  # s without a worker until that is said
+SILENT_WAIT = 3.0  # s without a worker until a note
 LONGEST_WAIT = 60.0  # s without a worker until the experiment ends
 
 

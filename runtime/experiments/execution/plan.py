@@ -124,7 +124,7 @@ class ExperimentPlan:
     def worst(self, metric: str) -> float | None:
         """The value of a run that failed: infinite, or None for a metric without a direction.
 
-        A direction is said by an objective, ``below`` or ``above``; a time until something, and an
+        A direction is given by an objective, ``below`` or ``above``; a time until something, and an
         error, which has 0 as its least value, are better if they are smaller.
         """
         if metric in self.larger_is_better:

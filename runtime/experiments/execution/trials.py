@@ -53,7 +53,7 @@ class GraphBundle:
 
     @cached_property
     def digest(self) -> str:
-        """A hash of the text and of the files."""
+        """A hash of the resolved graph and of its files."""
         content_hash = hashlib.sha256(self.text.encode("utf-8", "backslashreplace"))
         for name, content in self.beside:
             content_hash.update(json.dumps([name, len(content)]).encode() + content)

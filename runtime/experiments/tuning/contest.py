@@ -213,7 +213,7 @@ def winner_of(tuning: TuningTable) -> Candidate:
 def violations_of(tuning: TuningTable) -> list[str]:
     """The constraints that the held-out runs violate; in training, a winner meets them all.
 
-    Not those of a metric without a value: its runs failed, which is told as such.
+    Not those of a metric without a value: its runs failed, which is reported by itself.
     """
     score = winner_of(tuning).score
     if score is None:

@@ -43,7 +43,7 @@ def run_tuning(
     ----------
     always_judge : make the held-out runs of the graph's own values even if nothing is better.
 
-    The optimiser is asked again from the start and told what the index holds, so that a tuning that
+    The optimiser is asked again from the start and gets what the index holds, so that a tuning that
     was interrupted continues as if it had not been.
 
     Raises
