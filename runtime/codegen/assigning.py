@@ -57,14 +57,14 @@ def assign_to(body: Body, target: ast.expr, value: Value) -> None:
         else:
             body.reached(value)
     elif isinstance(target, (ast.Tuple, ast.List)):
-        pairwise(body, target.elts, _unpacked(body, value, len(target.elts)))
+        pairwise(body, target.elts, _unpack(body, value, len(target.elts)))
     elif isinstance(target, ast.Subscript):
         _write_to(body, target, value)
     else:
         raise NotTypedError(f"assigns to '{ast.unparse(target)}'")
 
 
-def _unpacked(body: Body, value: Value, wanted: int) -> list[Value]:
+def _unpack(body: Body, value: Value, wanted: int) -> list[Value]:
     """The parts of a tuple, or the rows of an array, that are assigned to so many targets."""
     value = given(value)
     if isinstance(value.type, Array):
@@ -120,14 +120,14 @@ def augment(body: Body, node: ast.AugAssign) -> None:
     if isinstance(target, ast.Name):
         name = ast.Name(target.id, ast.Load(), lineno=node.lineno)
         before, value = body.in_order(partial(value_of, body, n) for n in (name, node.value))
-        _augmented(body, target, before, value, node.op)
+        _augment(body, target, before, value, node.op)
     elif isinstance(target, ast.Subscript):
         _augmented_part(body, target, node)
     else:
         raise NotTypedError(f"assigns to '{ast.unparse(target)}'")
 
 
-def _augmented(body: Body, target: ast.Name, before: Value, value: Value, op: ast.operator) -> None:
+def _augment(body: Body, target: ast.Name, before: Value, value: Value, op: ast.operator) -> None:
     """``x += value`` of a variable; arrays change in place."""
     if isinstance(before.type, Array):
         arrays.write(body, before, operated(body, op, before, value))

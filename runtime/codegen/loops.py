@@ -70,7 +70,7 @@ def for_loop(body: Body, node: ast.For, rounds: Rounds) -> None:
     if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
         name = source.func.id if source.func.id not in body.function.counts else ""
         if name == "range" and not source.keywords:
-            _counted(body, node, each(body, source.args), rounds)
+            _count(body, node, each(body, source.args), rounds)
             return
         nested = any(isinstance(a, ast.Call) and isinstance(a.func, ast.Name) for a in source.args)
         if name in ("enumerate", "zip", "reversed") and not nested:
@@ -80,7 +80,7 @@ def for_loop(body: Body, node: ast.For, rounds: Rounds) -> None:
         return
     value = value_of(body, source)
     if isinstance(value.type, Array):
-        _walked(body, node, [value], lambda items, i: items[0], rounds)
+        _walk(body, node, [value], lambda items, i: items[0], rounds)
         return
     _over(body, node, parts_of(value), rounds)
 
@@ -98,14 +98,14 @@ def _along(body: Body, node: ast.For, name: str, call: ast.Call, rounds: Rounds)
             count = i if start.const == 0 else scalars.binary(body, ast.Add(), i, start)
             return group([count, items[0]])
 
-        _walked(body, node, values[:1], numbered, rounds)
+        _walk(body, node, values[:1], numbered, rounds)
     elif name == "zip" and values and all(arrays_):
         if is_strict(call):
             sizes = [size_expr(value, 0) for value in values]
             for other in dict.fromkeys(sizes[1:]):
                 message = "zip() arguments are of different lengths"
                 body.same_size(sizes[0], other, "ValueError", message)
-        _walked(body, node, values, lambda items, i: group(items), rounds)
+        _walk(body, node, values, lambda items, i: group(items), rounds)
     elif name == "zip" and any(arrays_) and any(_length(v) is None for v in values):
         raise NotTypedError("walks along arrays and tuples at once; write the loop")
     elif name == "reversed" and any(arrays_):
@@ -116,7 +116,7 @@ def _along(body: Body, node: ast.For, name: str, call: ast.Call, rounds: Rounds)
         _over(body, node, combined(name, call, columns), rounds)
 
 
-def _walked(
+def _walk(
     body: Body,
     node: ast.For,
     arrays_: Sequence[Value],
@@ -139,7 +139,7 @@ def _walked(
     body.add(For(index, Literal(0), size, 1, statements))
 
 
-def _counted(body: Body, node: ast.For, bounds: Sequence[Value], rounds: Rounds) -> None:
+def _count(body: Body, node: ast.For, bounds: Sequence[Value], rounds: Rounds) -> None:
     """``for i in range(...)``."""
     if any(b.type != INT for b in bounds):
         raise NotTypedError("counts with numbers that are no integers; use int(...)")

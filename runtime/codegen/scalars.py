@@ -133,7 +133,7 @@ def binary(body: Body, op: ast.operator, a: Value, b: Value, each: bool = False)
     each : of elements of arrays, which NumPy divides by zero without an error.
     """
     a, b = as_number(a), as_number(b)
-    found = _folded(op, a, b)
+    found = _fold(op, a, b)
     if found is not None:
         return found
     if a.type == BOOL and b.type == BOOL and not isinstance(op, (*LOGICAL, ast.Div)):
@@ -145,7 +145,7 @@ def binary(body: Body, op: ast.operator, a: Value, b: Value, each: bool = False)
     if type(op) in PLAIN:
         return _arithmetic(body, op, converted(a, kind), converted(b, kind), each)
     if isinstance(op, ast.Div):
-        return _divided(body, a, b, each)
+        return _divide(body, a, b, each)
     if kind == EITHER:
         raise NotTypedError("divides or raises an int or float; write 0.0 instead of 0, or float()")
     a, b = converted(a, kind), converted(b, kind)
@@ -181,7 +181,7 @@ def _checked(body: Body, name: str, *values: Value) -> Value:
     return call(name, CTX, *(v.expr for v in values), body.too_large(), kind=INT)
 
 
-def _divided(body: Body, a: Value, b: Value, each: bool) -> Value:
+def _divide(body: Body, a: Value, b: Value, each: bool) -> Value:
     """``/``: Python divides integers exactly, NumPy's arrays divide floats."""
     a, b = (v if each else body.exact(v) for v in (a, b))
     a, b = converted(a, FLOAT), converted(b, FLOAT)
@@ -190,7 +190,7 @@ def _divided(body: Body, a: Value, b: Value, each: bool) -> Value:
     return call("divide", CTX, a.expr, b.expr, _no_zero(body, "float division by zero"))
 
 
-def _folded(op: ast.operator, a: Value, b: Value) -> Value | None:
+def _fold(op: ast.operator, a: Value, b: Value) -> Value | None:
     if a.const is UNKNOWN or b.const is UNKNOWN or type(op) not in PYTHON:
         return None
     try:

@@ -21,7 +21,7 @@ from runtime.codegen.types import Type
 from runtime.codegen.ziggurat import draws_text
 
 # The comment at a ``for`` whose rounds may be done in any order, or at once.
-# Of a loop. Without it, graphs with populations take 1.3 to 1.4 times as long.
+# Without it, graphs with populations take 1.3 to 1.4 times as long.
 ANY_ORDER = "any order"
 
 

@@ -56,7 +56,7 @@ def _assign(body: Body, node: ast.Assign) -> None:
         assign_to(body, target, value)
 
 
-def _annotated(body: Body, node: ast.AnnAssign) -> None:
+def _annotate(body: Body, node: ast.AnnAssign) -> None:
     if node.value is not None:
         _assign_one(body, node.target, node.value)
 
@@ -113,7 +113,7 @@ def _assert(body: Body, node: ast.Assert) -> None:
 
 BUILDERS: dict[type[ast.stmt], Callable[[Body, Any], bool | None]] = {
     **{ast.Pass: _pass, ast.Expr: _expression, ast.Assert: _assert, ast.Raise: _raise},
-    **{ast.Assign: _assign, ast.AnnAssign: _annotated, ast.AugAssign: augment},
+    **{ast.Assign: _assign, ast.AnnAssign: _annotate, ast.AugAssign: augment},
     **{ast.If: _if, ast.While: _while, ast.For: _for, ast.Return: _return},
     **{ast.Break: _jump, ast.Continue: _jump},
 }

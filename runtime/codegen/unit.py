@@ -254,12 +254,12 @@ class Writer:
                 raise NotTypedError(f"calls '{target.name}' from itself; write a loop")
             return found
         self.instances[key] = None
-        made = self.written(target, kinds)
+        made = self.write(target, kinds)
         del self.instances[key]
         self.instances[key] = made
         return made
 
-    def written(self, target: Function, kinds: tuple[Type, ...]) -> Instance:
+    def write(self, target: Function, kinds: tuple[Type, ...]) -> Instance:
         """Build a function, again until its variables' types are wide enough."""
         name = function_name(target.name, self.names)
         types: dict[str, Type] = {}
@@ -268,7 +268,7 @@ class Writer:
             self.stack.append(set())
             body = Body(self, target, types, returned)
             try:
-                falls = self.filled(body, target, kinds)
+                falls = self.fill(body, target, kinds)
             except NotTypedError as error:
                 raise RefusedError(f"{error} ({target.file}:{body.line})") from None
             finally:
@@ -277,11 +277,11 @@ class Writer:
             if falls and found is not None and found != NONE:
                 found = join(found, NONE)
             if not body.widened and found == body.returned:
-                return self.finished(name, target, kinds, body, found or NONE, calls)
+                return self.finish(name, target, kinds, body, found or NONE, calls)
             types, returned = body.types, found
         raise RefusedError(f"the types in '{target.name}' are not settled ({target.file})")
 
-    def filled(self, body: Body, target: Function, kinds: tuple[Type, ...]) -> bool:
+    def fill(self, body: Body, target: Function, kinds: tuple[Type, ...]) -> bool:
         """Build a function's statements; returns whether its end is reached."""
         for parameter, kind in zip(target.parameters, kinds, strict=True):
             body.parameter(parameter, kind)
@@ -290,7 +290,7 @@ class Writer:
             body.add(Return(converted(none(), join(body.returned or NONE, NONE)).leaves))
         return falls
 
-    def finished(
+    def finish(
         self,
         name: str,
         target: Function,

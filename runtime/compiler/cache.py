@@ -104,17 +104,17 @@ def translation(
     try:
         signature = "\n".join(_signature(made, state, terms))
     except _UnnamedFunctionError:
-        return _found(made, state, terms, records, "")
+        return _find(made, state, terms, records, "")
     key = (type(made), signature)
     known = records.translations.get(key)
     if known is None or known.fields.fitting(made, state) is None:
         stored = is_built_in(type(made))
         name = f"translation_{digest(salt(), signature)}.json" if stored else ""
-        known = records.translations[key] = _found(made, state, terms, records, name)
+        known = records.translations[key] = _find(made, state, terms, records, name)
     return known
 
 
-def _found(
+def _find(
     made: Block, state: BlockState, terms: dict[str, int], records: Records, name: str
 ) -> Translation:
     """The translation of a block: the record of this name, or a new one; "" is never stored."""
@@ -128,7 +128,7 @@ def _found(
         if fields.fitting(made, state) is not None:
             return Translation(record["methods"], fields, record["key"])
     try:
-        found = _translated(made, state, terms)
+        found = _translate(made, state, terms)
     except NotCompilableError as error:
         if name:
             records.write(name, {"refused": str(error)})
@@ -148,7 +148,7 @@ def source_of(made: Block, state: BlockState, terms: dict[str, int]) -> Source:
     return translate(made, state, terms).source
 
 
-def _translated(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
+def _translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
     # Imported where something is translated: most starts find everything in the cache.
     from runtime.compiler.translate import translate
 

@@ -138,7 +138,7 @@ class Comparison:
             found = self.call(saved.tick, saved.tick + 1, given)
         except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything
             text = _Text(raised_text(error, with_place=False))
-            return Difference(self._raised(error), "its result", _Text("a value"), text)
+            return Difference(self._raise(error), "its result", _Text("a value"), text)
         values = dict(zip(self.ends, zip(given, found, strict=True), strict=True))
         for block in self.own:
             difference = self._of(block, values, after)
@@ -198,7 +198,7 @@ class Comparison:
             largest = max(largest, float(np.max(numbers, initial=0.0, where=numbers < math.inf)))
         return largest
 
-    def _raised(self, error: BaseException) -> str:
+    def _raise(self, error: BaseException) -> str:
         """The block that raised an exception."""
         trace = error.__traceback__
         while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:

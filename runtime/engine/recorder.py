@@ -241,7 +241,7 @@ class Recorder:
         if self._remove is not None:
             self._remove()
         # A stream is written once more, into the run's own file.
-        self.folder = self._opened(folder, 2 * self.size)
+        self.folder = self._open_folder(folder, 2 * self.size)
         for name in self.gathered:
             path = self.folder / recording_file(name)
             try:
@@ -249,7 +249,7 @@ class Recorder:
             except OSError as error:
                 raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
 
-    def _opened(self, folder: Path | None, size: int) -> Path:
+    def _open_folder(self, folder: Path | None, size: int) -> Path:
         try:
             if folder is None:
                 folder = Path(mkdtemp(prefix="spikeblocks-"))

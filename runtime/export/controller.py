@@ -106,7 +106,7 @@ def export(
     about = _about(graph, selection, float32)
     if switches:
         about.append(f"Events on ticks, as with run: {{events: ticks}}: {', '.join(switches)}.")
-    layout, native = _measured(layout, about, replay, float32)
+    layout, native = _measure(layout, about, replay, float32)
     tolerance, reason = _tolerance(native, float32, tolerance)
     files = {
         f"{name}.h": header(layout, about, float32),
@@ -115,13 +115,13 @@ def export(
     sizes = cortex_sizes(files)
     files[f"{name}_test.c"] = test(layout, replay, tolerance, reason, float32)
     files["report.txt"] = report(layout, about, native, sizes, tolerance, replay, float32)
-    place, note = _written(files, folder, name)
+    place, note = _write(files, folder, name)
     inputs, outputs = (tuple(map(".".join, p)) for p in (selection.inputs, selection.outputs))
     told = layout.members, bool(layout.learnt)
     return Exported(place, tuple(files), files["report.txt"], inputs, outputs, *told, note)
 
 
-def _written(files: dict[str, str], folder: str | Path, name: str) -> tuple[Path, str]:
+def _write(files: dict[str, str], folder: str | Path, name: str) -> tuple[Path, str]:
     """The folder that has the files now, and a build of them; a note if a build of one's own is
     there, which is left as it is.
     """
@@ -195,7 +195,7 @@ def layout_of(
     )
 
 
-def _measured(
+def _measure(
     layout: Layout, about: Sequence[str], replay: Replay, float32: bool
 ) -> tuple[Layout, Native | None]:
     """The layout with the arena that it needs, and what a native run shows; None without one."""

@@ -16,7 +16,7 @@ from runtime.codegen import MATH, draws_text, support
 from runtime.engine.compiled import Ending
 from runtime.export.interface import C_TYPES, InterfaceText, literal, renamed, table
 from runtime.export.layout import Layout, comment
-from runtime.export.pruning import pruned
+from runtime.export.pruning import prune
 from runtime.export.templates import HEADER, LEARNT_FUNCTIONS, SOURCE, TEST, WEIGHTS
 from runtime.plan import Port
 
@@ -250,7 +250,7 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     )
     text = re.sub(r"\n{3,}", "\n\n", _without_jumps(text))
     text = single(text) if float32 else text
-    return pruned(text.replace("@draws@\n", draws_text() if "draw_" in text else ""))
+    return prune(text.replace("@draws@\n", draws_text() if "draw_" in text else ""))
 
 
 def _without_jumps(text: str) -> str:

@@ -21,7 +21,7 @@ REAL = re.compile(r"^REAL(?:_TWO)?\((\w+)\)\n", re.MULTILINE)
 WORD = re.compile(r"[A-Za-z_]\w*")
 
 
-def pruned(text: str) -> str:
+def prune(text: str) -> str:
     """The text without unused functions and tables, again until there are none."""
     # A function of the math module is written by a macro; its name has a prefix where it is called.
     text = REAL.sub(lambda one: one[0] if f"real_{one[1]}(" in text else "", text)

@@ -69,9 +69,7 @@ def report(
     rates = sorted({call.gate.every for call in selection.calls})
     lines = [*about, ""]
     step = f"{selection.network.dt:g} {selection.network.time_unit}"
-    often = (
-        "every block runs at each" if rates == [1] else f"blocks run every {_listed(rates)} steps"
-    )
+    often = "every block runs at each" if rates == [1] else f"blocks run every {_list(rates)} steps"
     lines.append(f"Steps of {step}; {often}.")
     lines.append("")
     lines += ["Memory"]
@@ -103,7 +101,7 @@ def _arena(layout: Layout, native: Native) -> list[str]:
     size = f"  arena: {8 * layout.arena_words} bytes"
     if not layout.units.open:
         return [f"{size}, the worst case of any step, whatever the data"]
-    owners = _listed(sorted(layout.units.open), "and")
+    owners = _list(sorted(layout.units.open), "and")
     return [
         f"{size}, {native.arena} used in the recorded run; the worst case is not known,",
         f"    since data decide how much memory {owners} takes: a step that needs more",
@@ -128,7 +126,7 @@ def warnings(layout: Layout, replay: Replay) -> list[str]:
     return [f"  warning: {what} in the recording, which shows little; record more with --ticks"]
 
 
-def _listed(items: Sequence[object], word: str = "or") -> str:
+def _list(items: Sequence[object], word: str = "or") -> str:
     texts = list(map(str, items))
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} {word} {texts[-1]}"
 

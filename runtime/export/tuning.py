@@ -177,18 +177,18 @@ def _placed(block: Block, tunables: list[Tunable], value: Callable[[Tunable], An
 def _found(
     block: Block, state: BlockState, attributes: tuple[tuple[str, str], ...], all_of: list[Tunable]
 ) -> dict[str, tuple[str, ...]]:
-    """What :func:`_traced` finds; nothing if start does what a stand-in cannot."""
+    """What :func:`_trace` finds; nothing if start does what a stand-in cannot."""
     # Memory of floats first: NumPy has no exp of objects. But noise starts with a draw, which has
     # stand-ins in it, and is then put back.
     for kind in (np.float64, np.object_):
         try:
-            return _traced(block, state, attributes, all_of, kind)
+            return _trace(block, state, attributes, all_of, kind)
         except Exception:  # noqa: BLE001 -- what a stand-in cannot do ends in any of many errors
             continue
     return {}
 
 
-def _traced(
+def _trace(
     block: Block,
     state: BlockState,
     attributes: tuple[tuple[str, str], ...],
@@ -202,7 +202,7 @@ def _traced(
         decisions = Decisions(chosen)
         token = DECISIONS.set(decisions)
         try:
-            found = _started(block, state, attributes, all_of, kind)
+            found = _start(block, state, attributes, all_of, kind)
         finally:
             DECISIONS.reset(token)
         if len(decisions.asked) == len(chosen):
@@ -226,7 +226,7 @@ def _picked(condition: str, one: str, other: str) -> str:
     return one if one == other else f"pick({condition}, {one}, {other})"
 
 
-def _started(
+def _start(
     block: Block,
     state: BlockState,
     attributes: tuple[tuple[str, str], ...],

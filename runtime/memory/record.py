@@ -337,7 +337,7 @@ class Record:
         cls = type(value)
         kind = kind_of(cls)
         if kind is None:
-            why = refused(value) or ("" if shared else self._copied(value))
+            why = refused(value) or ("" if shared else self._copy(value))
             if why:
                 text = f"keeps in {place} what cannot be copied ({cls.__name__}: {why})"
                 raise NotCopiedError(text)
@@ -353,7 +353,7 @@ class Record:
             inside.append(vars(value))
         return inside
 
-    def _copied(self, value: Any) -> str:
+    def _copy(self, value: Any) -> str:
         """Let an object copy itself; returns why that is not possible, or ''."""
         try:
             made = copy.deepcopy(value, dict(self.outer))

@@ -81,12 +81,12 @@ def template(
         kernels = make_kernels(program.network, states, checked, begin)
         for name in sorted(kernels.broken):
             note(f"block '{name}' is called from Python: {kernels.refused[name]}")
-        made = _built(program, kernels, builder, note)
+        made = _build(program, kernels, builder, note)
     _latest[program.origin][checked] = made
     return made
 
 
-def _built(
+def _build(
     program: Program, kernels: Kernels, builder: Builder, note: Callable[[str], None]
 ) -> Template:
     """Compile and load; a unit that the C compiler does not accept is called from Python."""
@@ -96,7 +96,7 @@ def _built(
 
     inside = _is_inlined(program)
     while True:
-        small, others = _divided(kernels) if inside else ({}, kernels.compiled)
+        small, others = _divide(kernels) if inside else ({}, kernels.compiled)
         text = c_plan(program.plan, program.names, {**others, **small})
         texts = dict.fromkeys(kernel.text for kernel in small.values())
         level = THOROUGH if small else QUICK
@@ -134,7 +134,7 @@ def _is_inlined(program: Program) -> bool:
     return len(program.plan.evaluations) + updates <= INLINED
 
 
-def _divided(kernels: Kernels) -> tuple[dict[str, Kernel], dict[str, Kernel]]:
+def _divide(kernels: Kernels) -> tuple[dict[str, Kernel], dict[str, Kernel]]:
     """The small blocks as the plan's unit contains them, and the others."""
     prefixes: dict[str, str] = {}
     small, others = {}, {}
