@@ -24,7 +24,7 @@ NAMES = sorted(room.partition(".")[2] for room in BRIDGES)
 FOLDERS = ("blocks", "runtime", "spikeblocks", "graphs", "tests", "docs", "examples", "benchmarks")
 QUICK = (
     *("test_rooms.py", "test_files.py", "blocks/core", "blocks/test_extensions.py"),
-    *("runtime/checking", "runtime/cli", "runtime/network", "runtime/runs/test_fingerprint.py"),
+    *("runtime/cli", "runtime/network", "runtime/runs/test_fingerprint.py"),
 )
 # An editable installation would find what is deleted in the copy.
 CUSTOMIZE = """import sys

@@ -205,3 +205,13 @@ def test_invalid_options(cli: Run, arguments: tuple[str, str], message: str) -> 
     done = cli("render", "nowhere", *arguments)
     assert done.returncode == 2
     assert message in done.stderr
+
+
+def test_latest_that_leads_elsewhere_is_not_written_through(cli: Run, tmp_path: Path) -> None:
+    run = runtime.load("starters/adaptive").set("plots", {}).set("metrics", {}).run(until=0.01)
+    run.save(tmp_path / "run")
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "latest").symlink_to(tmp_path / "run")
+    done = cli("render", "foreign/latest")
+    assert done.returncode == 2
+    assert "is a link that leads to" in done.stderr
