@@ -182,7 +182,7 @@ class Room:
             await handler(page, **{key: value for key, value in message.items() if key != "do"})
         except SpikeblocksError as error:
             page.post(_text("wrong", text=str(error), what=name))
-        except (TypeError, ValueError, KeyError, AttributeError) as error:
+        except (TypeError, ValueError, LookupError, AttributeError, OSError) as error:
             page.post(_text("wrong", text=f"the message cannot be read: {error}", what=str(name)))
 
     async def _in_thread(self, call: Callable[..., Any], *given: Any) -> Any:
@@ -406,14 +406,16 @@ def shipped_names() -> tuple[str, ...]:
 
 
 def cards() -> list[dict[str, str]]:
-    """The shipped graphs with their first comment, starters first."""
+    """The shipped graphs with the first sentence of their comment, starters first."""
     found = []
     for name in shipped_names():
         path = SHIPPED / f"{name}.yaml"
         text = path.read_text(encoding="utf-8")
-        lines = [line.lstrip("# ") for line in text.split("\n")[:6] if line.startswith("#")]
+        lines = [line.strip("# ") for line in text.split("\n")[:8] if line.startswith("#")]
+        about = " ".join(line for line in lines if not line.startswith("yaml-language-server"))
+        about = f"{about.split('. ')[0].rstrip('.')}."
         if "\nrun:" in f"\n{text}" and "\nblocks:" in f"\n{text}":
-            found.append({"name": name, "about": " ".join(lines)[:200]})
+            found.append({"name": name, "about": about})
     return found
 
 

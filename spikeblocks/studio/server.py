@@ -55,10 +55,13 @@ class _Connection:
         """Send what is posted."""
         while True:
             data = await self.queue.get()
-            if isinstance(data, bytes):
-                await self.socket.send_bytes(data)
-            else:
-                await self.socket.send_text(data)
+            try:
+                if isinstance(data, bytes):
+                    await self.socket.send_bytes(data)
+                else:
+                    await self.socket.send_text(data)
+            except (WebSocketDisconnect, RuntimeError):
+                return  # it was closed meanwhile, which who receives is told
             if self.missed and self.queue.empty():
                 self.missed = False
                 room.process.send("all")
@@ -103,17 +106,18 @@ class Service:
             return
         await websocket.accept()
         page = _Connection(websocket)
-        with contextlib.suppress(WebSocketDisconnect, TimeoutError, KeyError):
-            first = _read(await asyncio.wait_for(websocket.receive_text(), PATIENCE))
-            given = str(first.get("token", "")).encode("utf-8", "replace")
+        with contextlib.suppress(TimeoutError):
+            first = await asyncio.wait_for(_receive(websocket), PATIENCE)
+            given = str((first or {}).get("token", "")).encode("utf-8", "replace")
             if not secrets.compare_digest(given, self.token.encode()):
-                await websocket.close(4401)
+                if first is not None:
+                    await websocket.close(4401)
                 return
             self.room.join(page)
             sending = asyncio.create_task(page.send(self.room))
             try:
-                while True:
-                    await self.room.handle(page, _read(await websocket.receive_text()))
+                while (message := await _receive(websocket)) is not None:
+                    await self.room.handle(page, message)
             finally:
                 sending.cancel()
                 self.room.leave(page)
@@ -142,6 +146,16 @@ def application(room: Room, token: str, port: int) -> Starlette:
         middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(NAMES))],
         lifespan=service.lifespan,
     )
+
+
+async def _receive(websocket: WebSocket) -> dict[str, object] | None:
+    """The next message of a page; None once it is closed, and an empty one for bytes."""
+    try:
+        return _read(await websocket.receive_text())
+    except KeyError:
+        return {}
+    except (WebSocketDisconnect, RuntimeError):  # it may have been closed while something was sent
+        return None
 
 
 def _read(text: str) -> dict[str, object]:

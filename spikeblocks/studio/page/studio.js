@@ -151,8 +151,7 @@ const handlers = {
 const receive = (message) => handlers[message.kind]?.(message);
 
 function takeText(message) {
-  byId("gallery").hidden = true;
-  byId("main").hidden = false;
+  chooses(false);
   if (message.cause !== "typed" || !state.writes) {
     editor.set(message.text);
     state.sent = message.text;
@@ -494,9 +493,12 @@ function tab(name) {
 }
 for (const each of document.querySelectorAll(".tabs button")) each.onclick = () => tab(each.dataset.tab);
 
+function chooses(yes) {
+  byId("gallery").hidden = !yes;
+  for (const id of ["main", "foot", "tabs", "save", "keep"]) byId(id).hidden = yes;
+}
 function showGallery(graphs) {
-  byId("main").hidden = true;
-  byId("gallery").hidden = false;
+  chooses(true);
   const seen = new IntersectionObserver((entries) => {
     for (const {isIntersecting, target} of entries) {
       if (isIntersecting) { seen.unobserve(target); send("picture", {name: target.dataset.name}); }

@@ -40,6 +40,8 @@ class Kept:
             return
         self.head, parts = unpack(values)
         for name, (first, numbers) in parts.items():
+            if name not in self.about:
+                continue  # a frame may come before it is said what it has; all of it comes again
             new = numbers.reshape(-1, self.about[name]["width"])
             old = self.rows[name]
             if self.about[name]["mode"] == "events":
