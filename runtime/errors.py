@@ -68,7 +68,7 @@ class Problem:
     def is_name(self) -> bool:
         """Whether a name does not exist, which no later change can correct."""
         # What is recorded may be a signal of a block that is added later.
-        is_recorded = self.address.startswith(("probes.", "plots.", "metrics."))
+        is_recorded = self.address.startswith(("probes.", "plots.", "metrics.", "run.stop"))
         return self.kind in (KEYS if is_recorded else NAMES)
 
     @property
