@@ -12,6 +12,7 @@ from pathlib import Path
 import networkx as nx
 
 from docs.describe import ROOMS
+from tests.rooms import BUDGETS, room_sizes
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "examples")
@@ -239,6 +240,13 @@ def test_type_checkers_know_every_room_of_blocks() -> None:
         if isinstance(node, ast.ImportFrom) and node.names[0].name == "*"
     ]
     assert starred == sorted(f"blocks.{room}" for room in ROOMS)
+
+
+def test_every_room_keeps_to_its_budget() -> None:
+    """A reason for a larger one is written beside it in tests/rooms.py."""
+    sizes = room_sizes()
+    over = {room: n - BUDGETS.get(room, 0) for room, n in sizes.items() if n > BUDGETS.get(room, 0)}
+    assert over == {}
 
 
 def test_no_import_circle() -> None:
