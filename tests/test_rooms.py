@@ -204,7 +204,9 @@ def test_imports_run_downwards_and_through_the_doors() -> None:
     assert [pair for pair in EXCEPTIONS if pair not in found] == [], "no longer an exception"
     by_name = {m: lines for m in modules() if (lines := computed(m))}
     assert [place(m, n) for m, lines in by_name.items() for n in lines if m not in COMPUTED] == []
-    assert [m for m in COMPUTED if m not in by_name] == [], "no longer an exception"
+    # A bridge can be deleted.
+    kept = [m for m in COMPUTED if m in modules() or not m.startswith("spikeblocks.")]
+    assert [m for m in kept if m not in by_name] == [], "no longer an exception"
 
 
 def test_no_bridge_is_named_outside_of_its_folder() -> None:
