@@ -277,12 +277,7 @@ def run_from_manifest(
     if (folder / DIAGRAM).is_file():
         texts[DIAGRAM] = _text(folder / DIAGRAM)
     try:
-        # Runs written before there were units of time have none.
-        unit = str(manifest.get("time_unit", SECOND))
-        if unit not in TIME_UNITS:
-            raise ValueError(
-                f"time_unit: expected one of {', '.join(TIME_UNITS)}, got {show(unit)}"
-            )
+        unit = _time_unit(manifest)
         probes = {
             name: _recording(name, info, arrays, unit)
             for name, info in manifest.pop("probes").items()
@@ -318,6 +313,14 @@ def run_from_manifest(
         states=read_arrays(folder / STATES) if (folder / STATES).is_file() else {},
         never=never,
     )
+
+
+def _time_unit(manifest: dict[str, Any]) -> str:
+    # Runs written before there were units of time have none.
+    unit = str(manifest.get("time_unit", SECOND))
+    if unit not in TIME_UNITS:
+        raise ValueError(f"time_unit: expected one of {', '.join(TIME_UNITS)}, got {show(unit)}")
+    return unit
 
 
 def _recording(

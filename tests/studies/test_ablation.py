@@ -277,10 +277,10 @@ def test_measured_is_what_the_graph_gives(tmp_path: Path, monkeypatch: pytest.Mo
         direct = [variant.run(seed=seed).metrics["position_mae"] for seed in (20, 21)]
         assert found(name, "position_mae") == direct
 
-    def refused(_: int) -> None:
+    def refused(*_: object) -> None:
         raise AssertionError("it was run again")
 
-    monkeypatch.setattr(runs, "_pool", refused)
+    monkeypatch.setattr(runs.RunOptions, "make_pool", refused)
     assert runs.measure(LINE, PRINTED, tmp_path, engine="python") == found
     with pytest.raises(runtime.UsageError, match="belongs to a different plan"):
         runs.measure(LINE, PRINTED, tmp_path, Seeds(((1, 2),)), "python")

@@ -116,9 +116,7 @@ def difference(
         with np.errstate(divide="ignore", invalid="ignore"):  # inf / inf, which is equal
             apart = np.where(apart == 0.0, 0.0, np.log(np.where(apart == 0.0, 1.0, first / second)))
     centre, low, high = _middle(apart, scale)
-    against = 0
-    if math.isfinite(centre):
-        against = int((np.isinf(apart) & (np.sign(apart) == -np.sign(centre))).sum())
+    against = _count_against(apart, centre)
     needed = FEWEST_T if scale == "t" else fewest(LEVEL, against)
     p, is_negligible = math.nan, False
     if scale == "t" and len(apart) < needed:
@@ -145,6 +143,13 @@ def difference(
         is_negligible=is_negligible and len(apart) >= needed,
         against=against,
     )
+
+
+def _count_against(apart: FloatArray, centre: float) -> int:
+    """How many differences are infinite in the direction that the middle does not have."""
+    if not math.isfinite(centre):
+        return 0
+    return int((np.isinf(apart) & (np.sign(apart) == -np.sign(centre))).sum())
 
 
 def _apart(first: FloatArray, second: FloatArray) -> FloatArray:
