@@ -181,7 +181,7 @@ def test_what_comes_too_late_is_a_note() -> None:
         ({"measurements": {"gps": {"C": [1], "R": 1}}}, "measurements.gps.C: expected 2 columns"),
         (
             {"measurements": {"gps": {"C": [1, 0], "R": -1}}},
-            "measurements.gps.R: a covariance has only positive",
+            "measurements.gps.R: a covariance",
         ),
         (
             {"measurements": {"gps": {"C": [1, 0], "R": 1, "dt": "x"}}},
