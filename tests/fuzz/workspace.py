@@ -176,7 +176,10 @@ def assert_answered(answer: Answer, arguments: Sequence[str]) -> None:
     """An allowed exit code with a sentence, no traceback, JSON that every reader takes."""
     assert answer.code in CODES, f"exit code {answer.code}: {answer.err[-500:]}"
     assert "Traceback (most recent call last)" not in answer.err, answer.err
-    is_help = any(word in ("-h", "--help", "--version") for word in arguments) or not arguments
+    is_help = (
+        any(word in ("-h", "--help", "--help-all", "--version") for word in arguments)
+        or not arguments
+    )
     is_json = "--json" in arguments and bool(answer.out.strip()) and not is_help
     if is_json:
         strict_json(answer.out)

@@ -71,6 +71,11 @@ COMMANDS = (
     "replay nothing",
     "contest nothing.yaml",
     "import nengo nothing.py -o n.yaml",
+    "bag nothing",
+    "play nothing.yaml --bag nothing.mcap",
+    "drive nothing.yaml --ports nothing.yaml",
+    "serve-plant nothing.yaml --ports nothing.yaml",
+    "studio nothing.yaml --no-browser",
 )
 # One process runs all: starting one for each would take longer than what they do.
 DRIVER = """
