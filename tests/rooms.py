@@ -67,7 +67,7 @@ BUDGETS: dict[str, int] = {
     "runtime/fitting": 600,
     "runtime/language": 3700,
     "runtime/reports": 1350,
-    "runtime/cli": 3450,
+    "runtime/cli": 3400,
     "spikeblocks/__init__.py": 30,
     "spikeblocks/fmu": 850,
     "spikeblocks/gym": 230,

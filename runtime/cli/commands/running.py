@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands.rivals import names, rivals
+from runtime.cli.commands.changes import apply
 from runtime.errors import SimulationError, UsageError
 from runtime.terminal import tell
 
@@ -250,3 +250,49 @@ def pacing_of(options: Namespace) -> Pacing | None:
         if getattr(options, name):
             raise UsageError(f"--{name}: is for runs that wait for the clock; add --real-time")
     return None
+
+
+def rivals(graph: Graph, vs: str | None) -> dict[str, Graph]:
+    """The graphs to compare with, by the change that makes them: of ``--vs``, or of the plots.
+
+    Raises
+    ------
+    GraphError, UsageError : one of them cannot run.
+    """
+    from runtime.observation import CHANGES
+
+    if vs is None:
+        wanted = [plot.options.get("compare", "") for plot in graph.observation.plots]
+        return {change: _changed(graph, change) for change in wanted if change}
+    kind, equals, _ = vs.partition("=")
+    if kind not in CHANGES or not equals:
+        known = ", ".join(CHANGES)
+        raise UsageError(f"--vs {vs}: expected CHANGE=VALUE with one of {known}")
+    return {vs: _changed(graph, vs)}
+
+
+def _changed(graph: Graph, change: str) -> Graph:
+    kind, _, text = change.partition("=")
+    return apply(graph, kind, text).check()
+
+
+def names(change: str, labels: str = "") -> tuple[str, str]:
+    """Short names of two runs that differ in one change: 'with snn', 'without snn'.
+
+    Parameters
+    ----------
+    labels : names in their place, separated by a comma.
+
+    Raises
+    ------
+    UsageError : there are not two labels.
+    """
+    if labels:
+        first, comma, second = (text.strip() for text in labels.partition(","))
+        if not (first and comma and second) or "," in second:
+            raise UsageError(f"--labels {labels}: expected two names for --vs, as in 'mine,theirs'")
+        return first, second
+    kind, _, text = change.partition("=")
+    if kind == "with":
+        return "as written", f"with {Path(text).stem}"
+    return (f"with {text}" if kind == "without" else "as written"), f"{kind} {text}"

@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blocks.messages import as_note
 from runtime.arguments import show_folder
-from runtime.cli.commands.rivals import names, painter
+from runtime.cli.commands.running import names
 from runtime.errors import one_line
 from runtime.terminal import number, show, show_json, tell
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from runtime.cli.commands.running import Outcome
+    from runtime.observation import PlotSpec
+    from runtime.runs import Result
 
 
 def present(outcome: Outcome, options: Namespace) -> int:
@@ -198,3 +202,40 @@ def _print_result(outcome: Outcome, options: Namespace) -> None:
             shown = compared_metrics(runs, result.metrics).append("", units, "number")
         show(shown.text())
     sys.stdout.flush()  # a pipe or a file shows them before the pictures, too
+
+
+def painter(
+    result: Result,
+    others: Mapping[str, Result],
+    folder: Path,
+    options: Namespace,
+    before: Result | None = None,
+) -> Callable[[PlotSpec], Figure] | None:
+    """A function that draws a plot with another run in it; None if there is no other run.
+
+    Parameters
+    ----------
+    others : runs by the change that made them.
+    options : ``vs`` is the change that all plots show, without which each shows the one that it
+        names itself; ``labels`` are names of both runs, ``style`` is that of the figures.
+    before : a run from before the graph was edited, for plots that show no other.
+    """
+    if not others and before is None:
+        return None
+    from runtime.compare import Run
+    from runtime.compare.overlay import versus
+    from runtime.plots import draw
+
+    def drawn(plot: PlotSpec) -> Figure:
+        change = options.vs or str(plot.options.get("compare", ""))
+        if change in others:
+            shown, other = names(change, options.labels), others[change]
+        elif before is not None:
+            shown, other = ("now", "before"), before
+        else:
+            return draw(plot, result, options.style)
+        first, second = shown
+        runs = [Run(first, folder, result, {}), Run(second, folder, other, {})]
+        return versus(runs, plot, options.style)
+
+    return drawn

@@ -57,7 +57,7 @@ def under(modules: list[str], *rooms: str) -> list[str]:
             109,
             ("scipy", "networkx", "runtime.runs", "runtime.engine.engine", "runtime.toolchain"),
         ),
-        (("run", "--no-plots"), 130, ("scipy", "networkx", "runtime.language", "runtime.compiler")),
+        (("run", "--no-plots"), 129, ("scipy", "networkx", "runtime.language", "runtime.compiler")),
     ],
 )
 def test_a_small_graph_imports_few_modules(

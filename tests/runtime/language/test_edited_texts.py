@@ -166,7 +166,7 @@ def test_edits_of_two_random_graphs() -> None:
 
 @pytest.mark.slow
 def test_edits_of_many_random_graphs() -> None:
-    assert edit_at_random(11, graphs=100, edits_of_each=17, length=16) > 50
+    assert edit_at_random(11, graphs=300, edits_of_each=17, length=16) > 150
 
 
 def test_random_characters_in_a_plain_graph() -> None:
